@@ -1,0 +1,101 @@
+#include "firmware/frame_loop.h"
+
+#include <cstdio>
+
+#include "firmware/model/plate_prior.h"
+
+namespace finsight {
+
+FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings)
+    : model_(model), settings_(settings), shape_(model, settings.shape), touch_(model) {
+  if (camera) vision_.emplace(model, *camera);
+  state_.model_checksum = model.checksum;
+  state_.rated_deformation_mm = model.rated_deformation_mm;
+  state_.word_order = settings.word_order;
+}
+
+const RegisterImage& FrameLoop::step(const Frame& frame) {
+  const std::int64_t start_ns = steady_now_ns();
+  count_frame(frame);
+  const PlatePoses& poses = hold_poses(measure_poses(frame), frame.exposure_ns);
+  const std::int64_t poses_ns = steady_now_ns();
+  const FingerShape& shape = shape_.solve(poses);
+  const std::int64_t shape_ns = steady_now_ns();
+  const Touch& touch = touch_.locate(poses);
+  const std::int64_t touch_ns = steady_now_ns();
+  const RegisterImage& registers = publish(poses, shape, touch);
+  const std::int64_t end_ns = steady_now_ns();
+
+  times_.poses.add(poses_ns - start_ns);
+  times_.shape.add(shape_ns - poses_ns);
+  times_.touch.add(touch_ns - shape_ns);
+  times_.registers.add(end_ns - touch_ns);
+  times_.frame.add(end_ns - start_ns);
+  return registers;
+}
+
+const RegisterImage& FrameLoop::step_without_frame(std::int64_t now_ns) {
+  state_.camera_fault = true;
+  state_.fault = FaultCode::kCameraLost;
+  const PlatePoses& poses = hold_poses(PlatePoses{}, now_ns);
+  return publish(poses, shape_.solve(poses), touch_.locate(poses));
+}
+
+const PlatePoses& FrameLoop::measure_poses(const Frame& frame) {
+  if (vision_ && !frame.poses) return vision_->poses.estimate(vision_->markers.find(frame));
+  recorded_ = frame.poses ? *frame.poses : PlatePoses{};
+  complete_from_prior(model_.prior, recorded_);
+  return recorded_;
+}
+
+// Short gaps (a hand before the light, a lost frame) repeat the last poses, marked as held; longer ones are invalid.
+const PlatePoses& FrameLoop::hold_poses(const PlatePoses& measured, std::int64_t now_ns) {
+  if (measured.quality == Quality::kFresh) {
+    held_ = measured;
+    held_since_ns_ = now_ns;
+  } else if (held_.quality != Quality::kInvalid) {
+    held_.quality = now_ns - held_since_ns_ <= settings_.hold_time_ns ? Quality::kHeld : Quality::kInvalid;
+    held_.seen = measured.seen;
+  }
+  return held_;
+}
+
+void FrameLoop::count_frame(const Frame& frame) {
+  state_.camera_fault = false;
+  if (state_.frames > 0) state_.dropped_frames += frame.sequence - last_sequence_ - 1;
+  last_sequence_ = frame.sequence;
+  ++state_.frames;
+  state_.frame_counter = frame.sequence;
+  state_.exposure_ns = frame.exposure_ns;
+}
+
+const RegisterImage& FrameLoop::publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch) {
+  if (!state_.camera_fault) {
+    state_.fault = poses.quality == Quality::kInvalid ? FaultCode::kMarkersLost
+                   : shape.fallback                   ? FaultCode::kSolverFailed
+                                                      : FaultCode::kNone;
+  }
+  ++state_.heartbeat;
+  state_.published_ns = steady_now_ns();
+  encode_registers(poses, shape, touch, state_, registers_);
+  return registers_;
+}
+
+std::string StageTimes::table() const {
+  std::string text = "stage      frames      p50 us      p99 us    worst us\n";
+  const auto row = [&](const char* name, const TimeHistogram& times) {
+    char line[96];
+    std::snprintf(line, sizeof line, "%-9s %7llu %11.0f %11.0f %11.0f\n", name,
+                  static_cast<unsigned long long>(times.count()), times.percentile_us(0.5), times.percentile_us(0.99),
+                  times.worst_us());
+    text += line;
+  };
+  row("poses", poses);
+  row("shape", shape);
+  row("touch", touch);
+  row("registers", registers);
+  row("frame", frame);
+  return text;
+}
+
+}  // namespace finsight

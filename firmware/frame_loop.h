@@ -1,0 +1,65 @@
+// The stages of the data path in order; owns every workspace.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "firmware/modbus/registers.h"
+#include "firmware/model/model.h"
+#include "firmware/shape/shape_stage.h"
+#include "firmware/stage_times.h"
+#include "firmware/touch/touch_stage.h"
+#include "firmware/vision/vision_stages.h"
+
+namespace finsight {
+
+struct LoopSettings {
+  ShapeSettings shape;
+  WordOrder word_order = WordOrder::kABCD;
+  std::int64_t hold_time_ns = 200'000'000;  ///< how long the last plate poses stand in for missing ones
+};
+
+/// Frame in, registers out. The model must outlive the loop. After construction nothing allocates (but OpenCV's marker
+/// detector), throws, prints or waits; every stage always gives a value with a Quality.
+class FrameLoop {
+ public:
+  /// Without a camera only frames that carry recorded poses can be processed. Throws InputError for a camera model that
+  /// cannot be one.
+  FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings);
+
+  /// One frame through all stages: this function is the product.
+  const RegisterImage& step(const Frame& frame);
+
+  /// No frame came until `now_ns` (steady clock): republishes what is held, or invalid values after the hold time.
+  const RegisterImage& step_without_frame(std::int64_t now_ns);
+
+  const StageTimes& times() const { return times_; }
+  const LoopState& state() const { return state_; }
+
+ private:
+  const PlatePoses& measure_poses(const Frame& frame);
+  const PlatePoses& hold_poses(const PlatePoses& measured, std::int64_t now_ns);
+  void count_frame(const Frame& frame);
+  const RegisterImage& publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch);
+
+  struct Vision {
+    Vision(const Model& model, const CameraModel& camera) : markers(model, camera), poses(model, camera) {}
+    MarkerStage markers;
+    PoseStage poses;
+  };
+  const Model& model_;
+  LoopSettings settings_;
+  std::optional<Vision> vision_;
+  ShapeStage shape_;
+  TouchStage touch_;
+  PlatePoses recorded_;  ///< poses of a replayed pose file, completed
+  PlatePoses held_;      ///< the last ones that were fresh
+  std::int64_t held_since_ns_ = 0;
+  std::uint32_t last_sequence_ = 0;
+  LoopState state_;
+  StageTimes times_;
+  RegisterImage registers_;
+};
+
+}  // namespace finsight

@@ -1,0 +1,277 @@
+#include "firmware/modbus/server.h"
+
+#include <arpa/inet.h>
+#include <modbus.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cassert>
+#include <cerrno>
+#include <chrono>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "firmware/modbus/registers.h"
+#include "firmware/modbus/request.h"
+
+namespace finsight {
+
+namespace {
+
+// A frame: transaction id (2 bytes), protocol id (2), length of the rest (2), unit id (1), PDU.
+constexpr std::size_t kHeader = 7;
+constexpr std::size_t kLargestFrame = kHeader + kLargestPdu;
+
+constexpr std::int64_t kSecond_ns = 1'000'000'000;
+constexpr std::int64_t kFrameLimit_ns = 3 * kSecond_ns;  // a frame arrives whole within this, or its client is closed
+constexpr std::int64_t kAcceptRest_ns = kSecond_ns / 2;  // after accept() found no descriptor or memory
+constexpr int kTick_ms = 500;                            // how often overdue clients are looked for
+constexpr int kAcceptsPerTurn = 8;
+
+// What the kernel may keep for one client: more than a hundred requests, but little for 32 hostile clients together.
+constexpr int kReceiveBuffer_bytes = 16 * 1024;
+constexpr int kSendBuffer_bytes = 64 * 1024;
+
+std::int64_t now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+class Descriptor {
+ public:
+  explicit Descriptor(int fd = -1) : fd_(fd) {}
+  ~Descriptor() { close(); }
+  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  void close() {
+    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+  }
+  bool is_open() const { return fd_ >= 0; }
+  int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+/// Three images in rotation: one being written, one being read, one between them that holds the latest.
+class LatestImage {
+ public:
+  explicit LatestImage(const RegisterImage& first) { slots_[between_.load() & kSlot] = first; }
+  void publish(const RegisterImage& image) {
+    slots_[writing_] = image;
+    writing_ = between_.exchange(writing_ | kNew, std::memory_order_acq_rel) & kSlot;
+  }
+  const RegisterImage& read() {
+    if (between_.load(std::memory_order_relaxed) & kNew) {
+      reading_ = between_.exchange(reading_, std::memory_order_acq_rel) & kSlot;
+    }
+    return slots_[reading_];
+  }
+
+ private:
+  static constexpr unsigned kSlot = 3, kNew = 4;
+  std::array<RegisterImage, 3> slots_;
+  unsigned writing_ = 0, reading_ = 1;
+  std::atomic<unsigned> between_{2 | kNew};
+};
+
+RegisterImage image_before_the_first_result() {
+  RegisterImage image;
+  encode_registers(PlatePoses{}, FingerShape{}, Touch{}, LoopState{}, image);
+  return image;
+}
+
+struct Client {
+  Descriptor socket;
+  std::int64_t deadline_ns = 0;  ///< closed when this passes before the next whole frame
+  std::size_t used = 0;          ///< bytes of `frame` that have arrived
+  std::array<std::uint8_t, kLargestFrame> frame;
+
+  std::size_t length_field() const { return static_cast<std::size_t>(frame[4] << 8 | frame[5]); }
+  bool header_is_good() const {
+    const bool is_modbus = frame[2] == 0 && frame[3] == 0;
+    return is_modbus && length_field() >= 2 && length_field() <= 1 + kLargestPdu;
+  }
+  std::size_t wanted() const { return used < kHeader ? kHeader : kHeader - 1 + length_field(); }
+};
+
+Descriptor open_listener(const ModbusSettings& settings) {
+  const auto require = [&settings](bool done) {
+    if (done) return;
+    const int error = errno;
+    const std::string place = settings.address + ":" + std::to_string(settings.port);
+    throw std::system_error(error, std::generic_category(), "Modbus cannot listen on " + place);
+  };
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(static_cast<std::uint16_t>(settings.port));
+  errno = EINVAL;  // inet_pton sets none
+  require(inet_pton(AF_INET, settings.address.c_str(), &address.sin_addr) == 1);
+  Descriptor listener(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  require(listener.is_open());
+  // Accepted sockets inherit these. SO_REUSEADDR lets a restart take the port over from connections in TIME_WAIT; it
+  // does not let two servers share it.
+  const auto set = [&](int level, int option, int value) {
+    require(::setsockopt(listener.get(), level, option, &value, sizeof value) == 0);
+  };
+  set(SOL_SOCKET, SO_REUSEADDR, 1);
+  set(SOL_SOCKET, SO_RCVBUF, kReceiveBuffer_bytes);
+  set(SOL_SOCKET, SO_SNDBUF, kSendBuffer_bytes);
+  set(IPPROTO_TCP, TCP_NODELAY, 1);
+  require(::bind(listener.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+  // The longest queue, so that a burst of connections that end up refused does not make others wait for a second try.
+  require(::listen(listener.get(), SOMAXCONN) == 0);
+  return listener;
+}
+
+int port_of(const Descriptor& listener) {
+  sockaddr_in address{};
+  socklen_t size = sizeof address;
+  ::getsockname(listener.get(), reinterpret_cast<sockaddr*>(&address), &size);
+  return ntohs(address.sin_port);
+}
+
+}  // namespace
+
+struct ModbusServer::Impl {
+  explicit Impl(const ModbusSettings& settings)
+      : listener(open_listener(settings)),
+        port(port_of(listener)),
+        wake(::eventfd(0, EFD_CLOEXEC)),
+        // Neither address nor port of this context are used: it writes replies to sockets that it is lent.
+        modbus(modbus_new_tcp("127.0.0.1", MODBUS_TCP_DEFAULT_PORT), &modbus_free),
+        idle_limit_ns(settings.idle_limit_s * kSecond_ns),
+        clients(static_cast<std::size_t>(settings.max_clients)),
+        polled(clients.size() + kFirstClient) {
+    if (!wake.is_open() || !modbus) throw std::system_error(errno, std::generic_category(), "Modbus server");
+    thread = std::thread([this] { run(); });
+  }
+
+  ~Impl() {
+    ::eventfd_write(wake.get(), 1);
+    thread.join();
+  }
+
+  // One turn: every client with something to say gets one request answered, so that none can hold up another; what it
+  // has sent beyond that stays in the kernel's buffer until the next turn.
+  void run() {
+    for (;;) {
+      const std::int64_t turn_ns = now_ns();
+      choose_polled(turn_ns);
+      const int ready = ::poll(polled.data(), polled.size(), kTick_ms);
+      assert(ready >= 0 || errno == EINTR);  // after an interruption all answers are 0: an empty turn
+      if (polled[kWake].revents) return;
+      for (std::size_t i = 0; i < clients.size(); ++i) {
+        if (polled[kFirstClient + i].revents && !serve(clients[i])) clients[i].socket.close();
+      }
+      if (polled[kListener].revents) accept_clients();
+    }
+  }
+
+  void choose_polled(std::int64_t turn_ns) {
+    polled[kWake] = {wake.get(), POLLIN, 0};
+    polled[kListener] = {turn_ns < accept_after_ns ? -1 : listener.get(), POLLIN, 0};
+    for (std::size_t i = 0; i < clients.size(); ++i) {
+      if (turn_ns > clients[i].deadline_ns) clients[i].socket.close();
+      polled[kFirstClient + i] = {clients[i].socket.get(), POLLIN, 0};
+    }
+  }
+
+  void accept_clients() {
+    for (int i = 0; i < kAcceptsPerTurn; ++i) {
+      Descriptor socket(::accept4(listener.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+      if (!socket.is_open()) {
+        // Out of descriptors or memory the listener stays ready; without a rest the thread would spin.
+        const bool is_passing = errno == EAGAIN || errno == EINTR || errno == ECONNABORTED;
+        if (!is_passing) accept_after_ns = now_ns() + kAcceptRest_ns;
+        return;
+      }
+      const auto free =
+          std::find_if(clients.begin(), clients.end(), [](const Client& c) { return !c.socket.is_open(); });
+      if (free == clients.end()) continue;  // one too many: closed at once
+      free->socket = std::move(socket);
+      free->used = 0;
+      free->deadline_ns = now_ns() + idle_limit_ns;
+    }
+  }
+
+  /// Reads what is missing of one frame, never more, and answers it when it is whole. False: the connection is over.
+  bool serve(Client& client) {
+    while (client.used < client.wanted()) {
+      const ssize_t got = ::recv(client.socket.get(), &client.frame[client.used], client.wanted() - client.used, 0);
+      if (got < 0) return errno == EAGAIN || errno == EINTR;
+      if (got == 0) return false;
+      // The clock of a frame starts with its first byte and is not wound up by further ones.
+      if (client.used == 0) client.deadline_ns = std::min(client.deadline_ns, now_ns() + kFrameLimit_ns);
+      client.used += static_cast<std::size_t>(got);
+      if (client.used == kHeader && !client.header_is_good()) return false;
+    }
+    const bool answered = answer(client);
+    client.used = 0;
+    client.deadline_ns = now_ns() + idle_limit_ns;
+    return answered;
+  }
+
+  /// False: the client does not read its answers; what it has not read is thrown away with it.
+  bool answer(const Client& client) {
+    const std::uint8_t unit = client.frame[kHeader - 1];
+    if (unit > 247 && unit != 255) return true;  // reserved: nobody is addressed, so nobody answers
+    std::array<std::uint8_t, kLargestFrame> reply;
+    const std::size_t length = answer_request({&client.frame[kHeader], client.used - kHeader},
+                                              std::span<std::uint8_t, kLargestPdu>(&reply[kHeader], kLargestPdu));
+    const bool sent = length ? send_reply(client, reply, length) : reply_registers(client);
+    if (sent) return true;
+    const linger abort{1, 0};
+    ::setsockopt(client.socket.get(), SOL_SOCKET, SO_LINGER, &abort, sizeof abort);
+    return false;
+  }
+
+  static bool send_reply(const Client& client, std::array<std::uint8_t, kLargestFrame>& reply, std::size_t pdu_length) {
+    std::copy_n(client.frame.begin(), kHeader, reply.begin());
+    reply[4] = 0;
+    reply[5] = static_cast<std::uint8_t>(pdu_length + 1);
+    const std::size_t total = kHeader + pdu_length;
+    return ::send(client.socket.get(), reply.data(), total, MSG_NOSIGNAL) == static_cast<ssize_t>(total);
+  }
+
+  bool reply_registers(const Client& client) {
+    RegisterImage image = latest.read();
+    set_age(image, now_ns());
+    modbus_mapping_t mapping{};  // functions 3 and 4 show the same block
+    mapping.nb_registers = mapping.nb_input_registers = kMeasurementRegisters;
+    mapping.tab_registers = mapping.tab_input_registers = image.words.data();
+    modbus_set_socket(modbus.get(), client.socket.get());
+    return modbus_reply(modbus.get(), client.frame.data(), static_cast<int>(client.used), &mapping) > 0;
+  }
+
+  static constexpr std::size_t kWake = 0, kListener = 1, kFirstClient = 2;
+  Descriptor listener;
+  int port;
+  Descriptor wake;
+  std::unique_ptr<modbus_t, decltype(&modbus_free)> modbus;
+  std::int64_t idle_limit_ns;
+  std::vector<Client> clients;
+  std::vector<pollfd> polled;
+  std::int64_t accept_after_ns = 0;
+  LatestImage latest{image_before_the_first_result()};
+  std::thread thread;
+};
+
+ModbusServer::ModbusServer(const ModbusSettings& settings) : impl_(std::make_unique<Impl>(settings)) {}
+ModbusServer::~ModbusServer() = default;
+void ModbusServer::publish(const RegisterImage& image) noexcept { impl_->latest.publish(image); }
+int ModbusServer::port() const { return impl_->port; }
+
+}  // namespace finsight

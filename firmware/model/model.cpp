@@ -1,0 +1,258 @@
+#include "firmware/model/model.h"
+
+#include <algorithm>
+#include <charconv>
+#include <set>
+
+#include "firmware/input_error.h"
+#include "firmware/model/checks.h"
+
+namespace finsight {
+
+namespace {
+
+// Far above any finger that a small board solves at 60 frames/s; they bound the memory that a pack can ask for.
+constexpr std::int64_t kMostNodes = 50'000, kMostTets = 200'000, kMostRank = 64, kMostWidth = 4096;
+constexpr std::int64_t kMostSelfTests = 64;
+
+constexpr float kSmallestScale = 1e-9f, kLargestScale = 1e9f;
+
+/// Reads tensors and metadata, and knows at the end which tensors nobody asked for.
+class PackReader {
+ public:
+  explicit PackReader(const SafetensorsFile& file) : file_(file) {}
+
+  template <class T>
+  std::span<const T> tensor(const char* name, std::initializer_list<std::int64_t> shape) {
+    asked_.insert(name);
+    return file_.tensor<T>(name, shape);
+  }
+
+  /// One length of a tensor's shape, within limits, for the tensors whose size is the pack's own choice.
+  std::int64_t length(const char* name, std::size_t dimension, std::int64_t lowest, std::int64_t highest) const {
+    const std::vector<std::int64_t> shape = file_.shape(name);
+    const std::int64_t found = dimension < shape.size() ? shape[dimension] : -1;
+    if (found < lowest || found > highest) {
+      file_.refuse(
+          name, found < 0 ? "too few dimensions" : "length " + std::to_string(found),
+          std::to_string(lowest) + " to " + std::to_string(highest) + " along dimension " + std::to_string(dimension));
+    }
+    return found;
+  }
+
+  template <class T>
+  T number(const char* key, T lowest, T highest) const {
+    const std::string& text = file_.metadata(key);
+    T value{};
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const bool whole = error == std::errc() && end == text.data() + text.size();
+    if (!whole || !(value >= lowest && value <= highest)) {
+      refuse(key, text, "a number from " + std::to_string(lowest) + " to " + std::to_string(highest));
+    }
+    return value;
+  }
+
+  std::string name(const char* key) const {
+    const std::string& text = file_.metadata(key);
+    const auto printable = [](char c) { return c >= ' ' && c <= '~'; };
+    if (text.empty() || text.size() > 64 || !std::all_of(text.begin(), text.end(), printable)) {
+      refuse(key, std::to_string(text.size()) + " bytes", "1 to 64 printable ASCII characters");
+    }
+    return text;
+  }
+
+  std::string sha256(const char* key) const {
+    const std::string& text = file_.metadata(key);
+    if (text.size() != 64 || text.find_first_not_of("0123456789abcdef") != std::string::npos) {
+      refuse(key, std::to_string(text.size()) + " characters", "64 lower-case hexadecimal digits");
+    }
+    return text;
+  }
+
+  /// Throws for every tensor that nobody asked for.
+  void finish() const {
+    for (const std::string& name : file_.names()) {
+      if (!asked_.contains(name)) file_.refuse(name, "an unknown tensor", "none of that name");
+    }
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& key, const std::string& found, const std::string& expected) const {
+    throw InputError(file_.path(), "metadata '" + key + "'", "\"" + found.substr(0, 60) + "\"", expected);
+  }
+
+  const SafetensorsFile& file_;
+  std::set<std::string> asked_;
+};
+
+CholeskyPlan read_plan(PackReader& pack, std::int64_t blocks) {
+  CholeskyPlan plan;
+  plan.blocks = static_cast<int>(blocks);
+  plan.order = pack.tensor<std::int32_t>(tensor::kOrder, {blocks});
+  plan.pattern_start = pack.tensor<std::int32_t>(tensor::kPatternStart, {blocks + 1});
+  plan.pattern_row = pack.tensor<std::int32_t>(tensor::kPatternRow, {-1});
+  const std::int64_t starts = pack.length(tensor::kSupernodeStart, 0, 2, blocks + 1);
+  plan.supernode_start = pack.tensor<std::int32_t>(tensor::kSupernodeStart, {starts});
+  plan.rows_start = pack.tensor<std::int32_t>(tensor::kRowsStart, {starts});
+  plan.rows = pack.tensor<std::int32_t>(tensor::kRows, {-1});
+  return plan;
+}
+
+/// `free_index` gets the number of every free node and -1 for the others.
+ShapeModel read_shape(PackReader& pack, std::vector<std::int32_t>& free_index) {
+  const auto nodes = pack.number<std::int64_t>(meta::kNodes, 4, kMostNodes);
+  const auto tets = pack.number<std::int64_t>(meta::kTetCount, 1, kMostTets);
+  const std::int64_t front = pack.length(tensor::kFrontNodes, 0, 1, nodes);
+  ShapeModel shape;
+  shape.nodes = static_cast<int>(nodes);
+  shape.tets = static_cast<int>(tets);
+  shape.rest_mm = pack.tensor<float>(tensor::kRest, {nodes, 3});
+  shape.tet_nodes = pack.tensor<std::int32_t>(tensor::kTets, {tets, 4});
+  shape.node_kind = pack.tensor<std::uint8_t>(tensor::kNodeKind, {nodes});
+  shape.front_nodes = pack.tensor<std::int32_t>(tensor::kFrontNodes, {front});
+
+  std::int32_t blocks = 0;
+  for (const std::uint8_t kind : shape.node_kind) free_index.push_back(kind == 0 ? blocks++ : -1);
+  shape.free_index = free_index;
+  shape.cholesky = read_plan(pack, blocks);
+  return shape;
+}
+
+ShapeMapModel read_shape_map(PackReader& pack, std::int64_t nodes) {
+  const std::int64_t rank = pack.length(tensor::kMapWeights, 0, 1, kMostRank);
+  ShapeMapModel map;
+  map.rank = static_cast<int>(rank);
+  map.scale = pack.tensor<float>(tensor::kMapScale, {18});
+  map.weights = pack.tensor<float>(tensor::kMapWeights, {rank, ShapeMapModel::kFeatures});
+  map.basis = pack.tensor<float>(tensor::kMapBasis, {rank, 3 * nodes});
+  return map;
+}
+
+TouchModel read_touch(PackReader& pack) {
+  TouchModel touch;
+  touch.scale = pack.tensor<float>(tensor::kTouchScale, {18});
+  touch.input_mean = pack.tensor<float>(tensor::kTouchInputMean, {TouchModel::kInputs});
+  touch.input_scale = pack.tensor<float>(tensor::kTouchInputScale, {TouchModel::kInputs});
+  touch.output_mean = pack.tensor<float>(tensor::kTouchOutputMean, {TouchModel::kOutputs});
+  touch.output_scale = pack.tensor<float>(tensor::kTouchOutputScale, {TouchModel::kOutputs});
+  std::int64_t inputs = TouchModel::kInputs;
+  for (std::size_t i = 0; i < touch.layers.size(); ++i) {
+    const bool last = i + 1 == touch.layers.size();
+    const std::int64_t outputs = last ? TouchModel::kOutputs : pack.length(tensor::kTouchBias[i], 0, 1, kMostWidth);
+    DenseInt8& layer = touch.layers[i];
+    layer.inputs = static_cast<int>(inputs);
+    layer.outputs = static_cast<int>(outputs);
+    layer.weights = pack.tensor<std::int8_t>(tensor::kTouchWeights[i], {outputs, inputs});
+    layer.scale = pack.tensor<float>(tensor::kTouchWeightScale[i], {outputs});
+    layer.bias = pack.tensor<float>(tensor::kTouchBias[i], {outputs});
+    inputs = outputs;
+  }
+  touch.threshold_mm = pack.number<float>(meta::kThreshold, 0.01f, 50);
+  return touch;
+}
+
+/// A row-major 4x4 matrix as a rigid motion; refuses anything else.
+Eigen::Isometry3f read_rigid(const SafetensorsFile& file, const char* name, std::span<const float> values) {
+  constexpr float kRigidTolerance = 1e-4f, kReach_mm = 1000;
+  const Eigen::Matrix4f T = Eigen::Map<const Eigen::Matrix<float, 4, 4, Eigen::RowMajor>>(values.data());
+  const Eigen::Matrix3f R = T.topLeftCorner<3, 3>();
+  const bool orthonormal = (R.transpose() * R - Eigen::Matrix3f::Identity()).cwiseAbs().maxCoeff() < kRigidTolerance;
+  const bool last_row = T.row(3) == Eigen::RowVector4f(0, 0, 0, 1);
+  if (!orthonormal || R.determinant() < 0 || !last_row) {
+    file.refuse(name, "a matrix that is no rigid motion", "rotation and translation with last row 0 0 0 1");
+  }
+  if (T.col(3).head<3>().norm() > kReach_mm) file.refuse(name, "a translation over 1 m", "millimetres within a finger");
+  return Eigen::Isometry3f(T);
+}
+
+MountModel read_mount(PackReader& pack, const SafetensorsFile& file) {
+  MountModel mount;
+  const auto markers = pack.tensor<float>(tensor::kMarkerPoses, {kPlates, 4, 4});
+  const auto ids = pack.tensor<std::int32_t>(tensor::kMarkerIds, {kPlates});
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    mount.T_finger_marker[p] = read_rigid(file, tensor::kMarkerPoses, markers.subspan(16 * p, 16));
+    mount.marker_id[p] = ids[p];
+  }
+  mount.T_finger_camera = read_rigid(file, tensor::kCameraPose, pack.tensor<float>(tensor::kCameraPose, {4, 4}));
+  mount.marker_size_mm = pack.number<float>(meta::kMarkerSize, 0.5f, 100);
+  return mount;
+}
+
+SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes) {
+  const std::int64_t cases = pack.length(tensor::kSelfTestPoses, 0, 1, kMostSelfTests);
+  SelfTestModel self_test;
+  self_test.cases = static_cast<int>(cases);
+  self_test.poses = pack.tensor<float>(tensor::kSelfTestPoses, {cases, 18});
+  self_test.shape_mm = pack.tensor<float>(tensor::kSelfTestShape, {cases, 3 * nodes});
+  self_test.touch = pack.tensor<float>(tensor::kSelfTestTouch, {cases, 7});
+  self_test.registers = pack.tensor<std::uint16_t>(tensor::kSelfTestRegisters, {cases, kMeasurementRegisters});
+  return self_test;
+}
+
+void check_scales(const SafetensorsFile& file, const Model& model) {
+  const auto positive = [&](const char* name, std::span<const float> values) {
+    check_range(file, name, values, kSmallestScale, kLargestScale);
+  };
+  positive(tensor::kMapScale, model.shape_map.scale);
+  positive(tensor::kTouchScale, model.touch.scale);
+  positive(tensor::kTouchInputScale, model.touch.input_scale);
+  positive(tensor::kTouchOutputScale, model.touch.output_scale);
+  for (std::size_t i = 0; i < model.touch.layers.size(); ++i) {
+    check_range(file, tensor::kTouchWeightScale[i], model.touch.layers[i].scale, 0, kLargestScale);
+  }
+}
+
+}  // namespace
+
+Model Model::open(const std::filesystem::path& path) {
+  Model model(SafetensorsFile::open(path));
+  const SafetensorsFile& file = model.file_;
+  model.checksum = check_integrity(file);
+
+  // Types, shapes and agreement of sizes: after this every span has the length that its comment promises.
+  PackReader pack(file);
+  model.finger_name = pack.name(meta::kFinger);
+  model.spec_sha256 = pack.sha256(meta::kSpecSha256);
+  model.hostgen_version = pack.name(meta::kHostgenVersion);
+  model.rated_deformation_mm = pack.number<float>(meta::kRatedDeformation, 0.1f, 200);
+  model.shape = read_shape(pack, model.free_index_);
+  model.shape_map = read_shape_map(pack, model.shape.nodes);
+  model.touch = read_touch(pack);
+  model.prior.mean = pack.tensor<float>(tensor::kPriorMean, {18});
+  model.prior.covariance = pack.tensor<float>(tensor::kPriorCovariance, {18, 18});
+  model.mount = read_mount(pack, file);
+  model.self_test = read_self_test(pack, model.shape.nodes);
+  pack.finish();
+
+  // Values: what the stages rely on without looking.
+  check_mesh(file, model.shape);
+  check_plan(file, model.shape);
+  check_scales(file, model);
+  check_prior(file, model.prior);
+  check_mount(file, model.mount);
+  check_self_test_values(file, model.self_test);
+  return model;
+}
+
+PlatePoses seen_poses(std::span<const float> numbers) {
+  PlatePoses poses;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    poses.plates[p].displacement_mm = Eigen::Map<const Vec3f>(&numbers[6 * p]);
+    poses.plates[p].rotation_rad = Eigen::Map<const Vec3f>(&numbers[6 * p + 3]);
+    poses.seen[p] = true;
+  }
+  poses.quality = Quality::kFresh;
+  return poses;
+}
+
+Eigen::Matrix<float, 18, 1> plate_numbers(const PlatePoses& poses) {
+  Eigen::Matrix<float, 18, 1> numbers;
+  for (int p = 0; p < kPlates; ++p) {
+    const PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];
+    numbers.segment<3>(6 * p) = plate.displacement_mm;
+    numbers.segment<3>(6 * p + 3) = plate.rotation_rad;
+  }
+  return numbers;
+}
+
+}  // namespace finsight

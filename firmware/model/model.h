@@ -1,0 +1,184 @@
+// The model pack, opened and checked: constant, typed, read-only views. Everything about one finger that does not depend
+// on the frame. hostgen writes it; FrameLoop reads it.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "firmware/model/safetensors.h"
+#include "firmware/types.h"
+
+namespace finsight {
+
+/// Order and layout of the factorisation of the shape solver's Hessian, in 3x3 blocks (one per free node), computed once
+/// by hostgen from the mesh alone. Column j of the pattern and of L means elimination position j.
+struct CholeskyPlan {
+  int blocks = 0;                                ///< free nodes
+  std::span<const std::int32_t> order;           ///< [blocks] free node eliminated at each position
+  std::span<const std::int32_t> pattern_start;   ///< [blocks + 1] lower pattern of the Hessian by block column ...
+  std::span<const std::int32_t> pattern_row;     ///< ... rows ascending, the diagonal first
+  std::span<const std::int32_t> supernode_start; ///< [supernodes + 1] first column of each supernode
+  std::span<const std::int32_t> rows_start;      ///< [supernodes + 1] rows below each supernode's diagonal block ...
+  std::span<const std::int32_t> rows;            ///< ... as elimination positions, ascending
+};
+
+/// The mesh and energy of the shape solver (symmetric Dirichlet, uniform sum over tets; paper, section 2.2).
+struct ShapeModel {
+  int nodes = 0, tets = 0;
+  std::span<const float> rest_mm;            ///< [nodes, 3]
+  std::span<const std::int32_t> tet_nodes;   ///< [tets, 4] positively oriented
+  std::span<const std::uint8_t> node_kind;   ///< [nodes] 0 free, 1 base (fixed), 2 + p: rigid part of plate p
+  std::span<const std::int32_t> free_index;  ///< [nodes] index among free nodes, -1 for the others
+  std::span<const std::int32_t> front_nodes; ///< [front]
+  CholeskyPlan cholesky;
+};
+
+/// Regression from plate motions to a shape: x = rest + basis^T (weights * features(plates)), 20 microseconds.
+/// Features: 1, the 18 scaled numbers, their 171 products. Answers all nodes of the shape model.
+struct ShapeMapModel {
+  static constexpr int kFeatures = 1 + 18 + 171;
+  int rank = 0;
+  std::span<const float> scale;    ///< [18] multiplies the plate numbers (displacement xyz, rotation xyz; top, middle, low)
+  std::span<const float> weights;  ///< [rank, kFeatures]
+  std::span<const float> basis;    ///< [rank, 3 * nodes]
+};
+
+/// One layer of the touch network: y = scale .* (weights x) + bias; int8 weights with one scale per output.
+struct DenseInt8 {
+  int inputs = 0, outputs = 0;
+  std::span<const std::int8_t> weights;  ///< [outputs, inputs]
+  std::span<const float> scale;          ///< [outputs]
+  std::span<const float> bias;           ///< [outputs]
+};
+
+/// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, which plates were seen.
+/// Outputs: point x y z, its displacement x y z, force, log of the three point errors, log of the force error.
+struct TouchModel {
+  static constexpr int kInputs = 18 + 1 + kPlates;
+  static constexpr int kOutputs = 11;
+  std::span<const float> scale;         ///< [18] mm or mm per rad, before taking the direction
+  std::span<const float> input_mean;    ///< [kInputs]
+  std::span<const float> input_scale;   ///< [kInputs] multiplies (input - mean)
+  std::span<const float> output_mean;   ///< [kOutputs]
+  std::span<const float> output_scale;  ///< [kOutputs] multiplies the network's output
+  std::array<DenseInt8, 3> layers;      ///< 22 -> 512 -> 256 -> 11, ReLU between
+  float threshold_mm = 0;               ///< plate motion below which a touch is invalid
+};
+
+/// Gaussian over the 18 plate numbers of touched fingers: picks between two poses of a marker and completes plates that
+/// are not seen.
+struct PlatePrior {
+  std::span<const float> mean;        ///< [18]
+  std::span<const float> covariance;  ///< [18, 18] symmetric positive definite
+};
+
+/// Where markers and camera are when nothing touches the finger.
+struct MountModel {
+  std::array<Eigen::Isometry3f, kPlates> T_finger_marker;
+  Eigen::Isometry3f T_finger_camera;
+  std::array<int, kPlates> marker_id{};
+  float marker_size_mm = 0;
+};
+
+/// What the pack's author expects every build of the firmware to answer.
+struct SelfTestModel {
+  int cases = 0;
+  std::span<const float> poses;               ///< [cases, 18]
+  std::span<const float> shape_mm;            ///< [cases, 3 * nodes] positions after the fixed schedule, from rest
+  std::span<const float> touch;               ///< [cases, 7] point, contact, force
+  std::span<const std::uint16_t> registers;   ///< [cases, kMeasurementRegisters]
+};
+
+class Model {
+ public:
+  /// Maps the file and checks every tensor (name, type, shape, index range, finiteness, agreement of sizes, checksum)
+  /// before the first use. Throws InputError naming the tensor, what was found and what was expected.
+  static Model open(const std::filesystem::path& file);
+
+  std::string finger_name, spec_sha256, hostgen_version;
+  std::uint32_t checksum = 0;  ///< header_checksum() of the pack; changes with any byte of it; also in the registers
+  float rated_deformation_mm = 0;
+  MountModel mount;
+  PlatePrior prior;
+  ShapeModel shape;
+  ShapeMapModel shape_map;
+  TouchModel touch;
+  SelfTestModel self_test;
+  const SafetensorsFile& file() const { return file_; }
+
+ private:
+  explicit Model(SafetensorsFile file) : file_(std::move(file)) {}
+  SafetensorsFile file_;
+  std::vector<std::int32_t> free_index_;  // what shape.free_index views
+};
+
+/// Names of the tensors, in one place for the reader, the writer and their tests.
+namespace tensor {
+inline constexpr const char* kRest = "shape.rest_mm";
+inline constexpr const char* kTets = "shape.tet_nodes";
+inline constexpr const char* kNodeKind = "shape.node_kind";
+inline constexpr const char* kFrontNodes = "shape.front_nodes";
+inline constexpr const char* kOrder = "cholesky.order";
+inline constexpr const char* kPatternStart = "cholesky.pattern_start";
+inline constexpr const char* kPatternRow = "cholesky.pattern_row";
+inline constexpr const char* kSupernodeStart = "cholesky.supernode_start";
+inline constexpr const char* kRowsStart = "cholesky.rows_start";
+inline constexpr const char* kRows = "cholesky.rows";
+inline constexpr const char* kMapScale = "map.scale";
+inline constexpr const char* kMapWeights = "map.weights";
+inline constexpr const char* kMapBasis = "map.basis";
+inline constexpr const char* kTouchScale = "touch.scale";
+inline constexpr const char* kTouchInputMean = "touch.input_mean";
+inline constexpr const char* kTouchInputScale = "touch.input_scale";
+inline constexpr const char* kTouchOutputMean = "touch.output_mean";
+inline constexpr const char* kTouchOutputScale = "touch.output_scale";
+inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
+inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1", "touch.weight_scale2"};
+inline constexpr const char* kTouchBias[3] = {"touch.bias0", "touch.bias1", "touch.bias2"};
+inline constexpr const char* kPriorMean = "prior.mean";
+inline constexpr const char* kPriorCovariance = "prior.covariance";
+inline constexpr const char* kMarkerPoses = "mount.T_finger_marker";  // [3, 4, 4]
+inline constexpr const char* kCameraPose = "mount.T_finger_camera";   // [4, 4]
+inline constexpr const char* kMarkerIds = "mount.marker_id";          // i32 [3]
+inline constexpr const char* kSelfTestPoses = "self_test.poses";
+inline constexpr const char* kSelfTestShape = "self_test.shape_mm";
+inline constexpr const char* kSelfTestTouch = "self_test.touch";
+inline constexpr const char* kSelfTestRegisters = "self_test.registers";
+}  // namespace tensor
+
+/// Keys of the pack's metadata. Numbers are written in decimal.
+namespace meta {
+inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
+inline constexpr const char* kFormatVersion = "1";
+inline constexpr const char* kFinger = "finger";
+inline constexpr const char* kSpecSha256 = "spec_sha256";
+inline constexpr const char* kHostgenVersion = "hostgen_version";
+inline constexpr const char* kNodes = "nodes";
+inline constexpr const char* kTetCount = "tets";
+inline constexpr const char* kMarkerSize = "marker_size_mm";
+inline constexpr const char* kThreshold = "touch_threshold_mm";
+inline constexpr const char* kRatedDeformation = "rated_deformation_mm";
+inline constexpr const char* kTensorCrc = "crc32.";  // + tensor name: CRC-32 of its bytes, 8 hexadecimal digits
+inline constexpr const char* kChecksum = "checksum";  // header_checksum(), 8 hexadecimal digits
+}  // namespace meta
+
+/// CRC-32 (IEEE 802.3). `seed`: the result for the bytes before these.
+std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t seed = 0);
+/// 8 lower-case hexadecimal digits, as checksums stand in the metadata.
+std::string checksum_text(std::uint32_t checksum);
+/// CRC-32 of a pack's JSON header (a multiple of 8 bytes, padding included) with the eight digits of "checksum":"........"
+/// taken as zeros. The header holds the CRC-32 of every tensor, so that this number stands for the whole pack.
+/// 0 if the header has no such text.
+std::uint32_t header_checksum(std::string_view header);
+
+/// The 18 numbers of a PlatePoses in the order of every tensor: per plate displacement x y z, rotation x y z.
+Eigen::Matrix<float, 18, 1> plate_numbers(const PlatePoses& poses);
+/// Back again, all plates seen and fresh. numbers: [18].
+PlatePoses seen_poses(std::span<const float> numbers);
+
+}  // namespace finsight

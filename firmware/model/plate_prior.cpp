@@ -1,0 +1,36 @@
+#include "firmware/model/plate_prior.h"
+
+namespace finsight {
+
+void complete_from_prior(const PlatePrior& prior, const std::array<bool, kPlates>& seen, PlateNumbers& numbers) {
+  if (seen[0] && seen[1] && seen[2]) return;
+  // Conditioning on the seen numbers one after the other needs no factorisation, only rank-1 updates of fixed size.
+  // Double, because the variances of millimetres and radians lie six orders of magnitude apart.
+  using Matrix18 = Eigen::Matrix<double, 18, 18, Eigen::RowMajor>;
+  using Vector18 = Eigen::Matrix<double, 18, 1>;
+  Matrix18 covariance =
+      Eigen::Map<const Eigen::Matrix<float, 18, 18, Eigen::RowMajor>>(prior.covariance.data()).cast<double>();
+  Vector18 mean = Eigen::Map<const PlateNumbers>(prior.mean.data()).cast<double>();
+  for (int i = 0; i < 18; ++i) {
+    if (!seen[static_cast<std::size_t>(i / 6)]) continue;
+    const Vector18 row = covariance.row(i).transpose();
+    const Vector18 gain = row / row[i];
+    mean += gain * (static_cast<double>(numbers[i]) - mean[i]);
+    covariance.noalias() -= gain * row.transpose();
+  }
+  for (int i = 0; i < 18; ++i) {
+    if (!seen[static_cast<std::size_t>(i / 6)]) numbers[i] = static_cast<float>(mean[i]);
+  }
+}
+
+void complete_from_prior(const PlatePrior& prior, PlatePoses& poses) {
+  PlateNumbers numbers = plate_numbers(poses);
+  complete_from_prior(prior, poses.seen, numbers);
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if (poses.seen[p]) continue;
+    poses.plates[p].displacement_mm = numbers.segment<3>(6 * static_cast<int>(p));
+    poses.plates[p].rotation_rad = numbers.segment<3>(6 * static_cast<int>(p) + 3);
+  }
+}
+
+}  // namespace finsight

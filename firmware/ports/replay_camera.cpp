@@ -1,0 +1,156 @@
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "firmware/input_error.h"
+#include "firmware/ports/camera.h"
+
+namespace finsight {
+
+namespace {
+
+/// What both kinds of replay share: time, order and repetition.
+class ReplayCamera : public Camera {
+ public:
+  bool next(Frame& frame, int timeout_ms) final {
+    if (ended_) return false;
+    std::int64_t now_ns = settings_.clock.now_ns();
+    if (next_ == 0) start_ns_ = now_ns;
+    std::uint64_t due = next_;
+    if (settings_.recorded_speed) {
+      const std::int64_t limit_ns = now_ns + std::int64_t{timeout_ms} * 1'000'000;
+      const std::int64_t wake_ns = std::min(exposure_ns(next_), limit_ns);
+      if (wake_ns > now_ns) settings_.clock.sleep_until_ns(wake_ns);
+      if (wake_ns < exposure_ns(next_)) return false;
+      now_ns = std::max(wake_ns, settings_.clock.now_ns());
+      due = std::max(next_, newest_frame_at(now_ns));
+    }
+    if (!advance_to(due, frame)) return false;
+    frame.exposure_ns = settings_.recorded_speed ? exposure_ns(due) : now_ns;
+    frame.sequence = static_cast<std::uint32_t>(due);
+    next_ = due + 1;
+    return true;
+  }
+  bool ended() const final { return ended_; }
+  std::string error() const final { return error_; }
+
+ protected:
+  ReplayCamera(const ReplaySettings& settings, double frames_per_second)
+      : settings_(settings), frames_per_second_(frames_per_second) {}
+  /// The next recorded frame; only passes it if `frame` is null. False after the last one. Throws InputError.
+  virtual bool read(Frame* frame) = 0;
+  virtual void rewind() = 0;
+
+ private:
+  std::int64_t exposure_ns(std::uint64_t frame) const {
+    return start_ns_ + std::llround(static_cast<double>(frame) * 1e9 / frames_per_second_);
+  }
+
+  std::uint64_t newest_frame_at(std::int64_t now_ns) const {
+    return static_cast<std::uint64_t>(static_cast<double>(now_ns - start_ns_) * frames_per_second_ / 1e9);
+  }
+
+  /// Passes the frames that a late caller missed and reads frame `due`.
+  bool advance_to(std::uint64_t due, Frame& frame) {
+    try {
+      for (std::uint64_t at = next_; at <= due; ++at) {
+        Frame* wanted = at == due ? &frame : nullptr;
+        if (read(wanted)) continue;
+        if (settings_.repeat) rewind();
+        if (!settings_.repeat || !read(wanted)) {
+          ended_ = true;
+          return false;
+        }
+      }
+      return true;
+    } catch (const InputError& error) {
+      // The loop that asks must not see exceptions: a recording that breaks off is a camera that failed.
+      error_ = error.what();
+      ended_ = true;
+      return false;
+    }
+  }
+
+  ReplaySettings settings_;
+  double frames_per_second_;
+  std::int64_t start_ns_ = 0;
+  std::uint64_t next_ = 0;  // frame to deliver next, counted over repetitions
+  bool ended_ = false;
+  std::string error_;
+};
+
+class SessionCamera : public ReplayCamera {
+ public:
+  SessionCamera(const ReplaySettings& settings, const SessionInfo& info)
+      : ReplayCamera(settings, info.frames_per_second), pictures_(settings.path / kSessionFrames) {
+    const auto check = [&](const char* field, double found, double expected) {
+      if (found == expected) return;
+      throw InputError((settings.path / kSessionFrames).string(), field, std::to_string(found),
+                       std::to_string(expected) + " as in " + kSessionInfo);
+    };
+    check("width", pictures_.width_px(), info.width_px);
+    check("height", pictures_.height_px(), info.height_px);
+    check("frames per second", pictures_.frames_per_second(), info.frames_per_second);
+    // The first frame now: a session without a whole frame is refused before the loop, and its memory is at hand.
+    if (!pictures_.next(grey_)) throw InputError((settings.path / kSessionFrames).string(), "holds no frame");
+    pictures_.rewind();
+  }
+
+ private:
+  bool read(Frame* frame) final {
+    if (!frame) return pictures_.skip();
+    if (!pictures_.next(grey_)) return false;
+    *frame = Frame{.grey = grey_.data(),
+                   .width_px = pictures_.width_px(),
+                   .height_px = pictures_.height_px(),
+                   .stride_bytes = pictures_.width_px()};
+    return true;
+  }
+  void rewind() final { pictures_.rewind(); }
+
+  Y4mReader pictures_;
+  std::vector<std::uint8_t> grey_;
+};
+
+class PoseCamera : public ReplayCamera {
+ public:
+  static constexpr double kFramesPerSecond = 60;  // of all published recordings
+
+  explicit PoseCamera(const ReplaySettings& settings)
+      : ReplayCamera(settings, kFramesPerSecond), motion_(read_recorded_motion(settings.path, settings.recording)) {}
+
+ private:
+  bool read(Frame* frame) final {
+    if (at_ == motion_.poses.size()) return false;
+    if (frame) *frame = Frame{.poses = &motion_.poses[at_]};
+    ++at_;
+    return true;
+  }
+  void rewind() final { at_ = 0; }
+
+  RecordedMotion motion_;
+  std::size_t at_ = 0;
+};
+
+}  // namespace
+
+ReplayClock steady_replay_clock() {
+  using Clock = std::chrono::steady_clock;
+  using std::chrono::nanoseconds;
+  return {.now_ns = [] { return std::chrono::duration_cast<nanoseconds>(Clock::now().time_since_epoch()).count(); },
+          .sleep_until_ns =
+              [](std::int64_t until_ns) {
+                std::this_thread::sleep_until(
+                    Clock::time_point(std::chrono::duration_cast<Clock::duration>(nanoseconds(until_ns))));
+              }};
+}
+
+std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings) {
+  return std::make_unique<SessionCamera>(settings, read_session_info(settings.path));
+}
+
+std::unique_ptr<Camera> open_pose_camera(const ReplaySettings& settings) {
+  return std::make_unique<PoseCamera>(settings);
+}
+
+}  // namespace finsight

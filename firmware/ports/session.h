@@ -1,0 +1,104 @@
+// A recorded session: a folder with frames.y4m, session.toml and optional truth.csv. And pose files: recorded plate
+// motions instead of pictures.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "firmware/types.h"
+
+namespace finsight {
+
+/// Names of the files in a session's folder.
+inline constexpr const char* kSessionFrames = "frames.y4m";
+inline constexpr const char* kSessionInfo = "session.toml";
+inline constexpr const char* kSessionTruth = "truth.csv";
+
+/// session.toml: everything about the pictures that the pictures do not say themselves.
+struct SessionInfo {
+  int width_px = 0, height_px = 0;
+  double frames_per_second = 0;
+  std::array<double, 4> fx_fy_cx_cy{};     ///< pixels
+  std::array<double, 5> k1_k2_p1_p2_k3{};  ///< Brown-Conrady, OpenCV's convention
+  std::string marker_dictionary;           ///< "DICT_4X4_50"
+  std::array<int, kPlates> marker_id{};    ///< top, middle, low
+  double marker_size_mm = 0;               ///< side of the black square
+  std::string description;                 ///< what was recorded
+};
+/// Strict: unknown keys, wrong types, numbers that cannot be a camera or repeated marker ids throw InputError.
+SessionInfo read_session_info(const std::filesystem::path& folder);
+/// The text of session.toml; read_session_info() gives the same numbers back, to the last bit.
+std::string session_info_toml(const SessionInfo& info);
+
+/// Reads frames.y4m (YUV4MPEG2 with Cmono, progressive, at most kMaxSide pixels wide and high) one frame at a time.
+/// Throws InputError with the byte position for anything malformed, and with the number of the frame (from 0) if it is
+/// cut.
+class Y4mReader {
+ public:
+  static constexpr int kMaxSide = 4096;
+
+  explicit Y4mReader(const std::filesystem::path& file);
+  ~Y4mReader();
+  Y4mReader(const Y4mReader&) = delete;
+  Y4mReader& operator=(const Y4mReader&) = delete;
+  int width_px() const { return width_px_; }
+  int height_px() const { return height_px_; }
+  double frames_per_second() const { return frames_per_second_; }
+  /// Fills `grey` (width * height bytes); false at the end of the file.
+  bool next(std::vector<std::uint8_t>& grey);
+  /// Goes past a frame without reading its pixels; false at the end of the file.
+  bool skip();
+  void rewind();
+
+ private:
+  std::string read_line(std::size_t longest);
+  void read_stream_header();
+  void read_parameter(std::string_view parameter, std::int64_t at);
+  bool read_frame_header();
+  [[noreturn]] void refuse(std::int64_t at, std::string_view found, const std::string& expected) const;
+  [[noreturn]] void refuse_cut_frame(std::int64_t bytes_found) const;
+
+  std::FILE* file_ = nullptr;
+  std::string name_;
+  std::int64_t position_ = 0, first_frame_ = 0;
+  std::int64_t frame_ = 0;  // number of the frame at position_
+  std::int64_t frame_bytes_ = 0;
+  int width_px_ = 0, height_px_ = 0;
+  double frames_per_second_ = 0;
+};
+
+/// Writes frames.y4m; the file appears under its name only when finish() was called. Throws std::system_error.
+class Y4mWriter {
+ public:
+  Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, int frames_per_second);
+  ~Y4mWriter();  ///< removes an unfinished file
+  Y4mWriter(const Y4mWriter&) = delete;
+  Y4mWriter& operator=(const Y4mWriter&) = delete;
+  void write(const std::uint8_t* grey);  ///< width * height bytes
+  void finish();
+
+ private:
+  void write_bytes(const void* bytes, std::size_t count);
+  std::FILE* file_ = nullptr;
+  std::filesystem::path target_, temporary_;
+  std::size_t frame_bytes_ = 0;
+};
+
+/// Plate motions recorded by one marker of a real finger: the CSV columns recording, frame, marker_tx_mm .. tz_mm,
+/// marker_qx .. qw, touch_x_mm .. z_mm, surface_node. The marker's axes are x = finger +z, y = finger -x, z = finger
+/// -y; motions come out in the finger frame. Only the top plate is seen.
+struct RecordedMotion {
+  std::vector<PlatePoses> poses;
+  std::vector<Vec3f> pen_mm;  ///< where the pen's tip was
+};
+/// One recording of the file; all of them, in file order, when `recording` is empty. Throws InputError with the line
+/// and column: wrong columns, what is not a finite number, quaternions that are not of length 1 within 1e-2, no such
+/// recording.
+RecordedMotion read_recorded_motion(const std::filesystem::path& csv, const std::string& recording);
+
+}  // namespace finsight

@@ -1,0 +1,68 @@
+#include "firmware/self_test.h"
+
+#include <cmath>
+
+#include "firmware/input_error.h"
+#include "firmware/modbus/registers.h"
+#include "firmware/shape/shape_stage.h"
+#include "firmware/touch/touch_stage.h"
+
+namespace finsight {
+
+namespace {
+
+void check_near(const Model& model, std::size_t number, const char* what, std::size_t index, double found,
+                double expected, double tolerance) {
+  if (std::abs(found - expected) <= tolerance) return;  // false for NaN
+  throw InputError(model.file().path(),
+                   "self-test case " + std::to_string(number) + ", " + what + " " + std::to_string(index),
+                   std::to_string(found), std::to_string(expected) + " within " + std::to_string(tolerance));
+}
+
+// Float mirrors are compared as the integers beside them; half a float is no number of counts.
+bool is_float_mirror(std::size_t address) { return address >= 20 && address < 32; }
+
+}  // namespace
+
+SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers) {
+  ShapeStage shape_stage(model, ShapeSettings{});
+  TouchStage touch_stage(model);
+  const PlatePoses poses = seen_poses(numbers);
+  const FingerShape& shape = shape_stage.solve(poses);
+  const Touch& touch = touch_stage.locate(poses);
+
+  SelfTestAnswer answer;
+  answer.shape_mm.assign(shape.node_mm.begin(), shape.node_mm.end());
+  for (int i = 0; i < 3; ++i) {
+    answer.touch[static_cast<std::size_t>(i)] = touch.point_mm[i];
+    answer.touch[static_cast<std::size_t>(3 + i)] = touch.contact_mm[i];
+  }
+  answer.touch[6] = touch.force_n;
+  LoopState state;
+  state.rated_deformation_mm = model.rated_deformation_mm;
+  encode_registers(poses, shape, touch, state, answer.registers);
+  return answer;
+}
+
+void check_self_test(const Model& model) {
+  const SelfTestModel& expected = model.self_test;
+  const std::size_t shape_size = expected.shape_mm.size() / static_cast<std::size_t>(expected.cases);
+  for (std::size_t c = 0; c < static_cast<std::size_t>(expected.cases); ++c) {
+    const SelfTestAnswer answer = answer_self_test(model, expected.poses.subspan(18 * c, 18));
+    for (std::size_t i = 0; i < shape_size; ++i) {
+      check_near(model, c, "shape coordinate", i, answer.shape_mm[i], expected.shape_mm[c * shape_size + i],
+                 kSelfTestShapeTolerance_mm);
+    }
+    for (std::size_t i = 0; i < answer.touch.size(); ++i) {
+      check_near(model, c, "touch number", i, answer.touch[i], expected.touch[7 * c + i], kSelfTestTouchTolerance);
+    }
+    for (std::size_t i = 0; i < kMeasurementRegisters; ++i) {
+      if (is_float_mirror(i)) continue;
+      check_near(model, c, "register", i, static_cast<std::int16_t>(answer.registers.words[i]),
+                 static_cast<std::int16_t>(expected.registers[kMeasurementRegisters * c + i]),
+                 kSelfTestRegisterTolerance);
+    }
+  }
+}
+
+}  // namespace finsight

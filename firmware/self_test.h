@@ -1,0 +1,29 @@
+// What the pack's author expects every build of the firmware to answer: run by hostgen on writing, by the board at every
+// start.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "firmware/model/model.h"
+
+namespace finsight {
+
+struct SelfTestAnswer {
+  std::vector<float> shape_mm;      ///< [3 * nodes]
+  std::array<float, 7> touch{};     ///< point, contact, force
+  RegisterImage registers;
+};
+
+/// All three plates seen at these 18 numbers, cold start, default schedule.
+SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers);
+
+/// Largest differences that two correct builds may show: rounding of another processor.
+inline constexpr float kSelfTestShapeTolerance_mm = 1e-3F;
+inline constexpr float kSelfTestTouchTolerance = 1e-2F;  ///< mm and N
+inline constexpr int kSelfTestRegisterTolerance = 1;     ///< counts
+
+/// Throws InputError naming the case, what was found and what was expected.
+void check_self_test(const Model& model);
+
+}  // namespace finsight

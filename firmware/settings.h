@@ -1,0 +1,28 @@
+// The board file: what one device needs to know beside its model pack. Strict: see TomlTable.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "firmware/frame_loop.h"
+#include "firmware/modbus/server.h"
+#include "firmware/ports/camera.h"
+#include "firmware/shape/shape_stage.h"
+
+namespace finsight {
+
+struct Settings {
+  std::filesystem::path pack;
+  enum class Source { kSession, kPoses } source = Source::kSession;
+  ReplaySettings replay;
+  LoopSettings loop;
+  ModbusSettings modbus;
+};
+
+/// Throws InputError with file:line, key, found and expected. Relative paths start at the file's folder.
+Settings read_settings(const std::filesystem::path& file);
+
+/// The intrinsics that a session was recorded with, as the vision stages want them.
+CameraModel camera_of(const SessionInfo& session);
+
+}  // namespace finsight

@@ -1,0 +1,72 @@
+// All tetrahedra of the shape model in vectors: energy, forces, Hessian, and how far a step may go.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "firmware/shape/cholesky.h"
+#include "firmware/shape/element.h"
+
+namespace finsight {
+
+/// S is float or double. Positions, steps and gradients are arrays of [3 * nodes]. Tetrahedra without a free node are
+/// left out: they are rigid. Nothing allocates after the constructor.
+template <class S>
+class Elements {
+ public:
+  /// Throws InputError for a tetrahedron that is inverted at rest.
+  Elements(const ShapeModel& model, const Cholesky<S>& cholesky);
+
+  /// Energy, the sum over tetrahedra (paper, section 2.2); infinite if one is inverted.
+  double energy(std::span<const S> x) const;
+  /// Its gradient.
+  void gradient(std::span<const S> x, std::span<S> g) const;
+  /// Gradient, and the positive semidefinite Hessian of the free nodes into `blocks` (Cholesky::values()). What a step
+  /// of the plates' nodes changes in the forces on the free ones, H_fc * step, is added to the gradient.
+  void gradient_and_hessian(std::span<const S> x, std::span<const S> plate_step, std::span<S> g,
+                            std::span<S> blocks) const;
+  /// The largest t <= 1 for which no tetrahedron's determinant gets below a tenth of what it is at x: the smallest
+  /// positive root of a cubic per tetrahedron (Smith and Schaefer 2015). 0 if something is not finite.
+  S longest_step(std::span<const S> x, std::span<const S> step) const;
+  /// The smallest det F: not positive if a tetrahedron is inverted, NaN if a position is.
+  S smallest_determinant(std::span<const S> x) const;
+
+  /// Mean edge length at rest: the scale of a step that the linearisation bears.
+  double mean_edge_mm() const { return mean_edge_mm_; }
+
+ private:
+  using V = simd::Vector<S>;
+  static constexpr int kWidth = simd::kLanesOf<S>;
+  // One tetrahedron per lane; the last batch repeats its last tetrahedron with weight 0. Nodes are in the order of
+  // elimination, fixed ones last, so that every block of the Hessian lands in the lower pattern as it is.
+  struct Batch {
+    std::array<std::array<std::int32_t, kWidth>, 4> offset;  // 3 * node
+    V B[9];
+    V weight;
+    std::int32_t blocks_end, couplings_end;
+  };
+  // Where a block of a batch's Hessian goes: source counts scalars from the start of the batch's H[90].
+  struct BlockTarget {
+    std::int32_t source, destination;
+  };
+  // A block (plate node, free node): its transpose times the plate's step acts on the free node.
+  struct Coupling {
+    std::int32_t source, free_offset, plate_offset;
+  };
+
+  void add_batch(const ShapeModel& model, const Cholesky<S>& cholesky, std::span<const std::array<int, 4>> tets);
+  static void gather(const Batch& batch, std::span<const S> x, V F[9]);
+  static void scatter(const Batch& batch, const V g[12], std::span<S> gradient);
+
+  std::vector<Batch> batches_;
+  std::vector<BlockTarget> block_targets_;
+  std::vector<Coupling> couplings_;
+  double mean_edge_mm_ = 0;
+};
+
+extern template class Elements<float>;
+extern template class Elements<double>;
+
+}  // namespace finsight

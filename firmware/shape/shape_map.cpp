@@ -1,0 +1,51 @@
+#include "firmware/shape/shape_map.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "firmware/input_error.h"
+
+namespace finsight {
+
+namespace {
+
+using Features = std::array<float, ShapeMapModel::kFeatures>;
+
+Features map_features(const Eigen::Matrix<float, 18, 1>& numbers, std::span<const float> scale) {
+  Features features;
+  float* x = features.data() + 1;
+  features[0] = 1;
+  for (int i = 0; i < 18; ++i) x[i] = scale[i] * numbers[i];
+  for (int i = 0, k = 18; i < 18; ++i)
+    for (int j = i; j < 18; ++j, ++k) x[k] = x[i] * x[j];
+  return features;
+}
+
+}  // namespace
+
+ShapeMap::ShapeMap(const ShapeMapModel& map, const ShapeModel& shape) : map_(map), rest_mm_(shape.rest_mm) {
+  const auto check = [](const char* field, std::size_t found, std::size_t expected) {
+    if (found != expected)
+      throw InputError("shape map", field, std::to_string(found) + " numbers", std::to_string(expected));
+  };
+  const auto rank = static_cast<std::size_t>(std::max(map.rank, 0));
+  check("scale", map.scale.size(), 18);
+  check("weights", map.weights.size(), rank * ShapeMapModel::kFeatures);
+  check("basis", map.basis.size(), rank * shape.rest_mm.size());
+}
+
+// x = rest + sum over the basis of (weights * features) * basis vector.
+void ShapeMap::evaluate(const Eigen::Matrix<float, 18, 1>& numbers, std::span<float> node_mm) const {
+  const Features features = map_features(numbers, map_.scale);
+  std::copy(rest_mm_.begin(), rest_mm_.end(), node_mm.begin());
+  for (int k = 0; k < map_.rank; ++k) {
+    const float* weights = map_.weights.data() + static_cast<std::size_t>(k) * features.size();
+    const float* basis = map_.basis.data() + static_cast<std::size_t>(k) * rest_mm_.size();
+    float coefficient = 0;
+    for (std::size_t f = 0; f < features.size(); ++f) coefficient += weights[f] * features[f];
+    for (std::size_t i = 0; i < node_mm.size(); ++i) node_mm[i] += coefficient * basis[i];
+  }
+}
+
+}  // namespace finsight

@@ -1,0 +1,26 @@
+// Plate motions -> the positions of all nodes by regression, without a solve: the first tier, the start after a gap and
+// the answer when the solve fails.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+#include "firmware/model/model.h"
+
+namespace finsight {
+
+class ShapeMap {
+ public:
+  /// Views the model, which must outlive it. Throws InputError if the map's sizes do not fit the shape.
+  ShapeMap(const ShapeMapModel& map, const ShapeModel& shape);
+
+  /// Writes [3 * nodes] positions. The nodes of the plates come out only nearly rigid (RigidPlates::place mends that).
+  /// Does not allocate.
+  void evaluate(const Eigen::Matrix<float, 18, 1>& numbers, std::span<float> node_mm) const;
+
+ private:
+  ShapeMapModel map_;
+  std::span<const float> rest_mm_;
+};
+
+}  // namespace finsight

@@ -1,0 +1,65 @@
+#include "firmware/touch/touch_stage.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "firmware/touch/features.h"
+#include "firmware/touch/int8_network.h"
+
+namespace finsight {
+
+namespace {
+
+// Through double, whose last-digit differences between C libraries vanish in the rounding to float.
+float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
+
+}  // namespace
+
+TouchStage::TouchStage(const TouchModel& model) : model_(model) {
+  assert(model.layers[0].inputs == TouchModel::kInputs && model.layers[2].outputs == TouchModel::kOutputs);
+  assert(model.layers[1].inputs == model.layers[0].outputs && model.layers[2].inputs == model.layers[1].outputs);
+  for (std::size_t i = 0; i < 2; ++i) hidden_[i].resize(static_cast<std::size_t>(model.layers[i].outputs));
+}
+
+const Touch& TouchStage::locate(const PlatePoses& poses) {
+  if (poses.quality == Quality::kHeld) {
+    if (touch_.quality == Quality::kFresh) touch_.quality = Quality::kHeld;
+    return touch_;
+  }
+  touch_ = Touch{};
+  if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !plate_numbers(poses).allFinite()) return touch_;
+  for (const PlateMotion& plate : poses.plates) {
+    touch_.plate_motion_mm = std::max(touch_.plate_motion_mm, plate.displacement_mm.norm());
+  }
+  if (touch_.plate_motion_mm < model_.threshold_mm) return touch_;
+  run_network(poses);
+  return touch_;
+}
+
+void TouchStage::run_network(const PlatePoses& poses) {
+  std::array<float, TouchModel::kInputs> inputs;
+  std::array<float, TouchModel::kOutputs> outputs;
+  touch_features(model_, plate_numbers(poses), poses.seen, inputs);
+  forward(model_.layers[0], inputs, hidden_[0], true);
+  forward(model_.layers[1], hidden_[0], hidden_[1], true);
+  forward(model_.layers[2], hidden_[1], outputs, false);
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    outputs[i] = model_.output_mean[i] + model_.output_scale[i] * outputs[i];
+  }
+
+  Touch touch = touch_;
+  touch.point_mm = Vec3f(outputs[0], outputs[1], outputs[2]);
+  touch.contact_mm = touch.point_mm + Vec3f(outputs[3], outputs[4], outputs[5]);
+  touch.force_n = std::max(outputs[6], 0.0f);
+  touch.radius_68_mm = Vec3f(exp_float(outputs[7]), exp_float(outputs[8]), exp_float(outputs[9])).norm();
+  touch.force_sigma_n = exp_float(outputs[10]);
+  // Motions far beyond any finger's overflow somewhere on the way; what comes out then is no touch.
+  const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(outputs[6]) &&
+                      std::isfinite(touch.radius_68_mm) && std::isfinite(touch.force_sigma_n);
+  if (!finite) return;
+  touch.quality = Quality::kFresh;
+  touch_ = touch;
+}
+
+}  // namespace finsight

@@ -1,0 +1,95 @@
+// The six nouns of the data path. Whoever reads this header and FrameLoop::step has read the product.
+//
+//   Frame -> MarkerCorners -> PlatePoses -> FingerShape -> RegisterImage -> PLC
+//                                       \-> Touch -------/
+//
+// Units: millimetres, newtons, radians, pixels, nanoseconds. Finger frame: x across the finger, y up from its base,
+// z into the finger from the touched (front) face. Every noun has a fixed size or views memory that FrameLoop owns,
+// so that no stage allocates.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+
+namespace finsight {
+
+using Vec2f = Eigen::Vector2f;
+using Vec3f = Eigen::Vector3f;
+
+/// The three rigid plates that carry a marker each, in the order of the registers and of every array over plates.
+inline constexpr int kPlates = 3;
+enum Plate : int { kTopPlate = 0, kMiddlePlate = 1, kLowPlate = 2 };
+
+/// How much a value may be trusted: measured from this frame, repeated from an earlier one, or not to be used.
+enum class Quality : std::uint8_t { kInvalid, kHeld, kFresh };
+
+/// One rigid plate's motion away from its rest pose, in the finger frame: a point X of the undeformed plate is now at
+/// R (X - c) + c + displacement_mm, where c is the marker's centre at rest and R = exp(rotation_rad).
+struct PlateMotion {
+  Vec3f displacement_mm = Vec3f::Zero();
+  Vec3f rotation_rad = Vec3f::Zero();  ///< rotation vector: axis times angle
+};
+
+struct PlatePoses {
+  std::array<PlateMotion, kPlates> plates;
+  std::array<bool, kPlates> seen{};  ///< false: that plate's motion is completed from the seen ones by the model's prior
+  std::array<float, kPlates> reprojection_px{};  ///< RMS distance of the corners from their reprojection
+  Quality quality = Quality::kInvalid;
+
+  int seen_count() const { return int{seen[0]} + int{seen[1]} + int{seen[2]}; }
+};
+
+/// What the camera delivers: a grey picture (8 bit, borrowed, valid during one step), or, when a file of recorded plate
+/// motions is replayed, the plates themselves; then `grey` is null and `poses` is set.
+struct Frame {
+  const std::uint8_t* grey = nullptr;
+  int width_px = 0;
+  int height_px = 0;
+  int stride_bytes = 0;
+  const PlatePoses* poses = nullptr;
+  std::int64_t exposure_ns = 0;  ///< middle of the exposure on the steady clock
+  std::uint32_t sequence = 0;    ///< camera's frame counter; a gap means dropped frames
+};
+
+/// The four corners of each plate's marker, clockwise from its top left corner, in distorted image pixels.
+struct MarkerCorners {
+  std::array<std::array<Vec2f, 4>, kPlates> corners_px;
+  std::array<bool, kPlates> seen{};
+};
+
+/// Which model made the shape ("model only what a scene needs").
+enum class ShapeSource : std::uint8_t { kRest, kMap, kNewton };
+
+/// Where every node of the finger's mesh is.
+struct FingerShape {
+  std::span<const float> node_mm;  ///< [3 * nodes], x y z of every node; owned by the shape stage
+  float front_rms_mm = 0;          ///< RMS displacement of the front face: the deformation
+  float largest_mm = 0;            ///< largest displacement of any node
+  float rms_mm = 0;                ///< RMS displacement of all nodes
+  int iterations = 0;              ///< Newton steps (factorisations and chord steps) used for this frame
+  ShapeSource source = ShapeSource::kRest;
+  bool fallback = false;  ///< the solve failed and the shape map answered instead
+  Quality quality = Quality::kInvalid;
+};
+
+/// Where and how hard the finger is touched.
+struct Touch {
+  Vec3f point_mm = Vec3f::Zero();    ///< the touched point of the undeformed front face
+  Vec3f contact_mm = Vec3f::Zero();  ///< where that point is now: point plus its displacement
+  float radius_68_mm = 0;            ///< 68 % of the errors of point_mm are smaller
+  float force_n = 0;
+  float force_sigma_n = 0;        ///< standard deviation of force_n
+  float plate_motion_mm = 0;      ///< largest displacement of a plate: what decides whether a touch can be located
+  Quality quality = Quality::kInvalid;  ///< invalid below the model's threshold of plate motion
+};
+
+/// What a Modbus client reads: 16-bit registers exactly as they go on the wire, and the time that their age counts from.
+inline constexpr int kMeasurementRegisters = 48;
+struct RegisterImage {
+  std::array<std::uint16_t, kMeasurementRegisters> words{};
+  std::int64_t exposure_ns = 0;
+};
+
+}  // namespace finsight

@@ -1,0 +1,165 @@
+#include "firmware/vision/edge_corners.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace finsight {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr int kRounds = 4;
+constexpr std::size_t kProfiles = 16;  // per edge, spread over ...
+constexpr double kFirst = 0.10;        // ... this part of it; nearer to the corners the lens's blur rounds the edge off
+constexpr double kLast = 0.90;
+constexpr int kReachSteps = 6;   // samples of a profile on either side of the edge
+constexpr float kModules = 6;    // along a side of the marker
+constexpr float kReach = 0.55F;  // modules to either side; the black border and the white margin are one module wide
+constexpr float kSmallestContrast = 10;  // grey levels
+constexpr std::size_t kFewestProfiles = kProfiles / 2;
+constexpr double kOutlierMedians = 4, kOutlierPx = 0.1;  // distance from the line: four medians are 2.7 sigma
+constexpr double kLargestRmsPx = 0.5;                    // of the points about their line, at the end ...
+constexpr double kCoarseRmsPx = 2.0;                     // ... and while the profiles are not yet centred on the edge
+constexpr float kFarthestMove = 0.25F;                   // of a side
+
+struct Line {
+  Vector2d point = Vector2d::Zero(), normal = Vector2d::Zero();
+};
+
+/// Points of one edge as rays (z = 1), at most one per profile.
+struct EdgePoints {
+  std::array<Vector2d, kProfiles> ray;
+  std::size_t count = 0;
+};
+
+/// Where the grey level rises from ink to paper along a profile, as a share of the reach (-1 ... 1).
+bool find_rise(const GreyView& picture, const Vec2f& centre, const Vec2f& reach, float& share) {
+  constexpr float kStep = 1.0F / kReachSteps;
+  float before = 0, rise = 0, moment = 0;
+  for (int i = -kReachSteps; i <= kReachSteps; ++i) {
+    const float at = static_cast<float>(i) * kStep;
+    const float grey = picture.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y());
+    if (i > -kReachSteps) {
+      const float middle = at - kStep / 2;
+      const float weight = 1 - middle * middle;
+      const float step = weight * (grey - before);
+      rise += step;
+      moment += step * middle;
+    }
+    before = grey;
+  }
+  if (!(rise > kSmallestContrast)) return false;
+  share = moment / rise;
+  return std::abs(share) < 1;
+}
+
+bool inside(const GreyView& picture, const Vec2f& p) {
+  return p.x() >= 0 && p.y() >= 0 && p.x() < static_cast<float>(picture.width_px - 1) &&
+         p.y() < static_cast<float>(picture.height_px - 1);
+}
+
+/// How far to look across the edge from corner k to the next, in pixels: a share of a module as seen across this edge
+/// (a tilted marker has narrow modules there).
+float reach_across(const std::array<Vec2f, 4>& corners, std::size_t k, float modules) {
+  const Vec2f a = corners[k], b = corners[(k + 1) % 4];
+  const Vec2f inward = Vec2f(a.y() - b.y(), b.x() - a.x()).normalized();  // the corners run clockwise
+  const float depth = inward.dot(corners[(k + 2) % 4] - b + corners[(k + 3) % 4] - a) / 2;
+  return modules * depth / kModules;
+}
+
+/// Follows the edge from ray a to ray b. Profiles are centred on the picture of the straight line between them, which
+/// the lens bends; what they find is small enough to be taken back along the slope of the projection.
+void find_edge_points(const GreyView& picture, const CameraModel& camera, const Vector2d& a, const Vector2d& b,
+                      float reach_px, EdgePoints& points) {
+  points.count = 0;
+  for (std::size_t i = 0; i < kProfiles; ++i) {
+    const Vector2d ray = a + (b - a) * (kFirst + (kLast - kFirst) * static_cast<double>(i) / (kProfiles - 1));
+    const Projection centre = project_ray(camera, ray);
+    const Vector2d along = centre.slope * (b - a);
+    const Vector2d outward = Vector2d(along.y(), -along.x()).normalized();
+    const Vec2f middle = centre.pixel.cast<float>(), reach = outward.cast<float>() * reach_px;
+    float share = 0;
+    if (!inside(picture, middle - reach) || !inside(picture, middle + reach) ||
+        !find_rise(picture, middle, reach, share)) {
+      continue;
+    }
+    points.ray[points.count++] = ray + centre.slope.inverse() * outward * static_cast<double>(share * reach_px);
+  }
+}
+
+/// Least squares of distances across the line; returns their RMS.
+double fit_line(const EdgePoints& points, Line& line) {
+  Vector2d mean = Vector2d::Zero();
+  for (std::size_t i = 0; i < points.count; ++i) mean += points.ray[i];
+  mean /= static_cast<double>(points.count);
+  double xx = 0, xy = 0, yy = 0;
+  for (std::size_t i = 0; i < points.count; ++i) {
+    const Vector2d d = points.ray[i] - mean;
+    xx += d.x() * d.x();
+    xy += d.x() * d.y();
+    yy += d.y() * d.y();
+  }
+  const double angle = 0.5 * std::atan2(2 * xy, xx - yy);
+  line.point = mean;
+  line.normal = Vector2d(-std::sin(angle), std::cos(angle));
+  const Vector2d n = line.normal;
+  return std::sqrt(std::max(0.0, n.x() * n.x() * xx + 2 * n.x() * n.y() * xy + n.y() * n.y() * yy) /
+                   static_cast<double>(points.count));
+}
+
+/// A line that dirt on part of the edge does not bend: fit, leave out what lies far off, fit again. The median tells
+/// what is far, because a few wild points would raise the mean above themselves.
+bool fit_edge(EdgePoints& points, double px, double largest_rms_px, Line& line) {
+  if (points.count < kFewestProfiles) return false;
+  fit_line(points, line);
+  std::array<double, kProfiles> distance, sorted;
+  for (std::size_t i = 0; i < points.count; ++i) distance[i] = std::abs(line.normal.dot(points.ray[i] - line.point));
+  sorted = distance;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(points.count / 2);
+  std::nth_element(sorted.begin(), middle, sorted.begin() + static_cast<std::ptrdiff_t>(points.count));
+  const double far = std::max(kOutlierMedians * *middle, kOutlierPx * px);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < points.count; ++i) {
+    if (distance[i] <= far) points.ray[kept++] = points.ray[i];
+  }
+  points.count = kept;
+  return kept >= kFewestProfiles && fit_line(points, line) < largest_rms_px * px;
+}
+
+/// Not-a-number for parallel lines.
+Vector2d crossing(const Line& first, const Line& second) {
+  const double determinant = first.normal.x() * second.normal.y() - first.normal.y() * second.normal.x();
+  const double a = first.normal.dot(first.point), b = second.normal.dot(second.point);
+  return Vector2d(a * second.normal.y() - b * first.normal.y(), b * first.normal.x() - a * second.normal.x()) /
+         determinant;
+}
+
+}  // namespace
+
+bool refine_corners(const GreyView& picture, const CameraModel& camera, std::array<Vec2f, 4>& corners_px) {
+  const double px = 1.0 / camera.fx;  // a pixel's size in the plane of the rays
+  std::array<Vec2f, 4> corners = corners_px;
+  std::array<Vector2d, 4> rays;
+  for (std::size_t k = 0; k < 4; ++k) rays[k] = ray_from_pixel(camera, corners[k].cast<double>());
+  EdgePoints points;
+  std::array<Line, 4> lines;
+  for (int round = 0; round < kRounds; ++round) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      const float reach_px = reach_across(corners, k, kReach);
+      const double largest_rms_px = round + 1 < kRounds ? kCoarseRmsPx : kLargestRmsPx;
+      find_edge_points(picture, camera, rays[k], rays[(k + 1) % 4], reach_px, points);
+      if (!fit_edge(points, px, largest_rms_px, lines[k])) return false;
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+      rays[k] = crossing(lines[(k + 3) % 4], lines[k]);
+      corners[k] = pixel_from_ray(camera, rays[k]).cast<float>();
+      const float side = (corners_px[(k + 1) % 4] - corners_px[k]).norm();
+      if (!((corners[k] - corners_px[k]).norm() < kFarthestMove * side)) return false;
+    }
+  }
+  corners_px = corners;
+  return true;
+}
+
+}  // namespace finsight

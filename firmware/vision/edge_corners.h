@@ -1,0 +1,19 @@
+// A marker's corners to a few hundredths of a pixel: a straight line through each of its four edges, cut with the next.
+#pragma once
+
+#include <array>
+
+#include "firmware/types.h"
+#include "firmware/vision/camera_model.h"
+#include "firmware/vision/grey_view.h"
+
+namespace finsight {
+
+/// Moves coarse corners (good to half a module, which is a sixth of a side) of a black square on white to where its
+/// edges cross. Lines are fitted where the lens's distortion is taken away, because there they are straight; corners
+/// come back in distorted pixels. Clockwise order. False, with `corners_px` unchanged, if an edge cannot be followed
+/// over half its length, is not straight, or a corner ends up elsewhere. About 60 us for an edge of 50 pixels; never
+/// allocates.
+bool refine_corners(const GreyView& picture, const CameraModel& camera, std::array<Vec2f, 4>& corners_px);
+
+}  // namespace finsight

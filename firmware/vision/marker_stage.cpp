@@ -1,0 +1,127 @@
+#include "firmware/vision/marker_stage.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "firmware/input_error.h"
+#include "firmware/vision/edge_corners.h"
+
+namespace finsight {
+namespace {
+
+// A tilted marker looks smaller, a plate that is pushed towards the camera larger, than at rest.
+constexpr float kSmallestSide = 0.5F, kLargestSide = 2.0F;
+// OpenCV reads a code reliably from 4 pixels per module; more only costs time, because the corners are found again in
+// the full picture.
+constexpr float kSearchedSidePx = 24;
+constexpr int kLargestShrink = 4;
+// A followed marker may move this many of its own sizes from one frame to the next: 6 mm, twice what a finger that
+// springs back does in 1/60 s.
+constexpr float kWindowMargin = 0.75F;
+// While a marker is missing and others are followed, the whole picture is searched in every eighth frame: a marker that
+// comes back is seen within 0.13 s, and the mean frame costs little more.
+constexpr int kSearchPeriod = 8;
+
+void check_mount(const MountModel& mount) {
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    const int id = mount.marker_id[p];
+    const bool taken = std::count(mount.marker_id.begin(), mount.marker_id.end(), id) > 1;
+    if (id < 0 || id >= kDictionaryMarkers || taken) {
+      throw InputError("mount", "marker_id", std::to_string(id), "three different ids of DICT_4X4_50 (0 ... 49)");
+    }
+  }
+  if (!(mount.marker_size_mm > 0 && mount.marker_size_mm < 1000)) {
+    throw InputError("mount", "marker_size_mm", std::to_string(mount.marker_size_mm), "a positive length");
+  }
+}
+
+/// Length of the marker's side in the picture when nothing touches the finger, seen face-on.
+float side_at_rest_px(const MountModel& mount, const CameraModel& camera, std::size_t plate) {
+  const Vec3f centre = mount.T_finger_camera.inverse() * mount.T_finger_marker[plate].translation();
+  if (!(centre.z() > mount.marker_size_mm) || !centre.allFinite()) {
+    throw InputError("mount", "T_finger_marker[" + std::to_string(plate) + "]",
+                     std::to_string(centre.z()) + " mm before the camera", "more than the marker's size");
+  }
+  return mount.marker_size_mm * camera.fx / centre.norm();
+}
+
+}  // namespace
+
+MarkerStage::MarkerStage(const MountModel& mount, const CameraModel& camera)
+    : camera_(camera), marker_id_(mount.marker_id) {
+  check_camera(camera);
+  check_mount(mount);
+  std::array<float, kPlates> side_px;
+  for (std::size_t p = 0; p < kPlates; ++p) side_px[p] = side_at_rest_px(mount, camera, p);
+  const auto [smallest, largest] = std::minmax_element(side_px.begin(), side_px.end());
+  sides_ = {*smallest * kSmallestSide, *largest * kLargestSide};
+  shrink_ = static_cast<int>(std::clamp(*smallest / kSearchedSidePx, 1.0F, static_cast<float>(kLargestShrink)));
+}
+
+const MarkerCorners& MarkerStage::find(const Frame& frame) {
+  const MarkerCorners last = corners_;
+  corners_.seen.fill(false);
+  if (!frame.grey || frame.width_px != camera_.width_px || frame.height_px != camera_.height_px ||
+      frame.stride_bytes < frame.width_px) {
+    return corners_;
+  }
+  const GreyView picture{frame.grey, frame.width_px, frame.height_px, frame.stride_bytes};
+  follow(picture, last);
+
+  bool any = false, lost = false, missing = false;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    any |= corners_.seen[p];
+    missing |= !corners_.seen[p];
+    lost |= last.seen[p] && !corners_.seen[p];
+  }
+  if (missing && (lost || !any || --frames_until_search_ <= 0)) {
+    search(picture);
+    frames_until_search_ = kSearchPeriod;
+  }
+  return corners_;
+}
+
+// Each window is asked for its own marker only, so a neighbour that reaches into it cannot count as a second one.
+void MarkerStage::follow(const GreyView& picture, const MarkerCorners& last) {
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if (!last.seen[p]) continue;
+    Vec2f low = last.corners_px[p][0], high = low;
+    for (const Vec2f& corner : last.corners_px[p]) {
+      low = low.cwiseMin(corner);
+      high = high.cwiseMax(corner);
+    }
+    const float margin = kWindowMargin * (high - low).maxCoeff();
+    const int left = std::max(0, static_cast<int>(low.x() - margin));
+    const int top = std::max(0, static_cast<int>(low.y() - margin));
+    const int right = std::min(picture.width_px, static_cast<int>(high.x() + margin) + 1);
+    const int bottom = std::min(picture.height_px, static_cast<int>(high.y() + margin) + 1);
+    const GreyView window{picture.at(left, top), right - left, bottom - top, picture.stride_bytes};
+    const Vec2f offset(static_cast<float>(left), static_cast<float>(top));
+    corners_.seen[p] = take(picture, detector_.find(window, shrink_, sides_), offset, p);
+  }
+}
+
+void MarkerStage::search(const GreyView& picture) {
+  const std::vector<FoundMarker>& found = detector_.find(picture, shrink_, sides_);
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if (!corners_.seen[p]) corners_.seen[p] = take(picture, found, Vec2f::Zero(), p);
+  }
+}
+
+bool MarkerStage::take(const GreyView& picture, const std::vector<FoundMarker>& found, const Vec2f& offset,
+                       std::size_t plate) {
+  const FoundMarker* only = nullptr;
+  for (const FoundMarker& marker : found) {
+    if (marker.id != marker_id_[plate]) continue;
+    if (only) return false;
+    only = &marker;
+  }
+  if (!only) return false;
+  std::array<Vec2f, 4> corners = only->corners_px;
+  for (Vec2f& corner : corners) corner += offset;
+  if (!refine_corners(picture, camera_, corners)) return false;
+  corners_.corners_px[plate] = corners;
+  return true;
+}
+
+}  // namespace finsight

@@ -1,0 +1,156 @@
+#include "firmware/vision/plate_estimator.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+#include <limits>
+
+#include "firmware/input_error.h"
+
+namespace finsight {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kSlackMm = 3, kSlackRad = 0.15;
+constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+/// exp(w) and its left Jacobian: exp(w + dw) = exp(Jl dw) exp(w) to first order. Series below 1e-4 rad, where the
+/// closed forms lose their digits.
+struct Turn {
+  explicit Turn(const Vector3d& w) {
+    const double angle2 = w.squaredNorm(), angle = std::sqrt(angle2);
+    const bool small = angle < 1e-4;
+    const double a = small ? 1 - angle2 / 6 : std::sin(angle) / angle;
+    const double b = small ? 0.5 - angle2 / 24 : (1 - std::cos(angle)) / angle2;
+    const double c = small ? 1.0 / 6 - angle2 / 120 : (angle - std::sin(angle)) / (angle2 * angle);
+    const Matrix3d k = cross_matrix(w), kk = k * k;
+    rotation = Matrix3d::Identity() + a * k + b * kk;
+    left_jacobian = Matrix3d::Identity() + b * k + c * kk;
+  }
+  Matrix3d rotation, left_jacobian;
+};
+
+/// The rotation vector of R, also close to half a turn.
+Vector3d rotation_vector(const Matrix3d& R) {
+  const Eigen::AngleAxisd turn(R);
+  return turn.angle() * turn.axis();
+}
+
+}  // namespace
+
+PlateEstimator::PlateEstimator(const MountModel& mount, const PlatePrior& prior, double focal_px)
+    : T_camera_finger_(mount.T_finger_camera.cast<double>().inverse()),
+      T_finger_camera_(mount.T_finger_camera.cast<double>()),
+      focal_px_(focal_px) {
+  if (prior.mean.size() != 18 || prior.covariance.size() != 18 * 18) {
+    throw InputError("prior", "size",
+                     std::to_string(prior.mean.size()) + " and " + std::to_string(prior.covariance.size()) + " numbers",
+                     "18 and 324");
+  }
+  mean_ = Eigen::Map<const Eigen::Matrix<float, 18, 1>>(prior.mean.data()).cast<double>();
+  const Matrix18 covariance = Eigen::Map<const Eigen::Matrix<float, 18, 18>>(prior.covariance.data()).cast<double>();
+  const Eigen::LLT<Matrix18> factor(covariance);
+  if (!mean_.allFinite() || !covariance.allFinite() || factor.info() != Eigen::Success) {
+    throw InputError("prior", "covariance", "a matrix that is not positive definite", "a Gaussian's covariance");
+  }
+  precision_ = factor.solve(Matrix18::Identity());
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    const Eigen::Isometry3d T_finger_marker = mount.T_finger_marker[p].cast<double>();
+    PlateAtRest& rest = rest_[p];
+    rest.centre = T_finger_marker.translation();
+    rest.R_finger_marker = T_finger_marker.linear();
+    for (std::size_t k = 0; k < 4; ++k) rest.corner[k] = rest.R_finger_marker * marker_corner(mount.marker_size_mm, k);
+    const int first = 6 * static_cast<int>(p);
+    Matrix6 loose = covariance.block<6, 6>(first, first);
+    loose.diagonal().head<3>().array() += kSlackMm * kSlackMm;
+    loose.diagonal().tail<3>().array() += kSlackRad * kSlackRad;
+    rest.loose_precision = loose.inverse();
+  }
+}
+
+Eigen::Matrix<double, 6, 1> PlateEstimator::motion(std::size_t plate, const Eigen::Isometry3d& T_camera_marker) const {
+  const Eigen::Isometry3d T_finger_marker = T_finger_camera_ * T_camera_marker;
+  Vector6 numbers;
+  numbers.head<3>() = T_finger_marker.translation() - rest_[plate].centre;
+  numbers.tail<3>() = rotation_vector(T_finger_marker.linear() * rest_[plate].R_finger_marker.transpose());
+  return numbers;
+}
+
+// Corner X of the plate at rest, seen from its centre c, is now at exp(w) X + c + d. The camera sees it along
+// (x / z, y / z); the residual is the difference from the measured ray, in units of the corners' scatter.
+bool PlateEstimator::add_plate(const MarkerRays& rays, std::size_t plate, const Numbers& numbers, Matrix6& information,
+                               Vector6& gradient) const {
+  const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
+  const Turn turn(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
+  const double weight = focal_px_ / kCornerSigmaPx;
+  information.setZero();
+  gradient.setZero();
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Vector3d arm = turn.rotation * rest_[plate].corner[k];
+    const Vector3d seen = T_camera_finger_ * (arm + rest_[plate].centre + d);
+    if (!(seen.z() > kNearestMm)) return false;
+    const Vector2d ray = seen.head<2>() / seen.z();
+    Eigen::Matrix<double, 2, 3> by_place;  // d ray / d place in the finger frame
+    by_place << 1, 0, -ray.x(), 0, 1, -ray.y();
+    by_place = (by_place * T_camera_finger_.linear() / seen.z()).eval();
+    Eigen::Matrix<double, 2, 6> jacobian;
+    jacobian << by_place, -by_place * cross_matrix(arm) * turn.left_jacobian;
+    jacobian *= weight;
+    information.noalias() += jacobian.transpose() * jacobian;
+    gradient.noalias() += jacobian.transpose() * (weight * (ray - rays[k]));
+  }
+  return true;
+}
+
+void PlateEstimator::improve(const PlateSight& sight, Numbers& numbers) const {
+  Matrix18 information = precision_;
+  Numbers gradient = precision_ * (numbers - mean_);
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    Matrix6 plate_information;
+    Vector6 plate_gradient;
+    if (!sight.seen[p] || !add_plate(sight.rays[p], p, numbers, plate_information, plate_gradient)) continue;
+    const int first = 6 * static_cast<int>(p);
+    information.block<6, 6>(first, first) += plate_information;
+    gradient.segment<6>(first) += plate_gradient;
+  }
+  numbers -= information.llt().solve(gradient);
+}
+
+double PlateEstimator::reprojection_px(const PlateSight& sight, std::size_t plate, const Numbers& numbers) const {
+  const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
+  const Turn turn(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
+  double sum = 0;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Vector3d seen = T_camera_finger_ * (turn.rotation * rest_[plate].corner[k] + rest_[plate].centre + d);
+    if (!(seen.z() > kNearestMm)) return std::numeric_limits<double>::infinity();
+    sum += (seen.head<2>() / seen.z() - sight.rays[plate][k]).squaredNorm();
+  }
+  return focal_px_ * std::sqrt(sum / 4);
+}
+
+double PlateEstimator::cost(const PlateSight& sight, const Numbers& numbers) const {
+  double sum = (numbers - mean_).dot(precision_ * (numbers - mean_));
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if (!sight.seen[p]) continue;
+    const double rms = reprojection_px(sight, p, numbers) / kCornerSigmaPx;
+    sum += 4 * rms * rms;
+  }
+  return sum;
+}
+
+double PlateEstimator::distance_from_prior(std::size_t plate, const Numbers& numbers) const {
+  const int first = 6 * static_cast<int>(plate);
+  const Vector6 off = numbers.segment<6>(first) - mean_.segment<6>(first);
+  return std::sqrt(off.dot(rest_[plate].loose_precision * off));
+}
+
+}  // namespace finsight

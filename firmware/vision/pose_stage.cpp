@@ -1,0 +1,125 @@
+#include "firmware/vision/pose_stage.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "firmware/model/plate_prior.h"
+
+namespace finsight {
+namespace {
+
+constexpr double kLargestReprojectionPx = 3;
+constexpr double kFarthestSigmas = 6;  // from the prior with its slack
+// From IPPE's pose Gauss-Newton converges quadratically: after five steps the numbers stand still to 1e-9.
+constexpr int kSteps = 5;
+
+const CameraModel& checked(const CameraModel& camera) {
+  check_camera(camera);
+  return camera;
+}
+
+}  // namespace
+
+PoseStage::PoseStage(const MountModel& mount, const PlatePrior& prior, const CameraModel& camera, PoseMethod method)
+    : camera_(checked(camera)),
+      marker_size_mm_(mount.marker_size_mm),
+      prior_(prior),
+      estimator_(mount, prior, camera.fx),
+      method_(method) {}
+
+const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {
+  look(corners);
+  poses_ = PlatePoses{};
+  // A plate that cannot be there pulls the others along, so the worst one is left out and the rest estimated again.
+  Numbers numbers;
+  do {
+    if (!sight_.seen[0] && !sight_.seen[1] && !sight_.seen[2]) return poses_;
+    numbers = method_ == PoseMethod::kJoint ? estimate_jointly() : estimate_one_by_one();
+  } while (drop_worst(numbers));
+
+  poses_.seen = sight_.seen;
+  poses_.quality = Quality::kFresh;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    const int first = 6 * static_cast<int>(p);
+    poses_.plates[p].displacement_mm = numbers.segment<3>(first).cast<float>();
+    poses_.plates[p].rotation_rad = numbers.segment<3>(first + 3).cast<float>();
+    if (poses_.seen[p]) {
+      poses_.reprojection_px[p] = static_cast<float>(estimator_.reprojection_px(sight_, p, numbers));
+    }
+  }
+  if (method_ == PoseMethod::kPublished) complete_from_prior(prior_, poses_);
+  return poses_;
+}
+
+// Corners -> lines of sight -> the two poses of each square.
+void PoseStage::look(const MarkerCorners& corners) {
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    sight_.seen[p] = false;
+    if (!corners.seen[p]) continue;
+    for (std::size_t k = 0; k < 4; ++k) {
+      sight_.rays[p][k] = ray_from_pixel(camera_, corners.corners_px[p][k].cast<double>());
+    }
+    squares_[p] = poses_of_square(sight_.rays[p], marker_size_mm_);
+    sight_.seen[p] = squares_[p].count > 0;
+  }
+}
+
+// A square seen almost face-on has two poses of nearly the same reprojection error, mirror images in tilt. Of the up to
+// eight combinations the prior knows the right one; one step from each is enough to compare them, because it brings the
+// noisy tilts of small squares to where corners and prior together want them.
+PoseStage::Numbers PoseStage::estimate_jointly() const {
+  Numbers best = Numbers::Constant(std::numeric_limits<double>::quiet_NaN());
+  double best_cost = std::numeric_limits<double>::infinity();
+  for (unsigned combination = 0; combination < 1U << kPlates; ++combination) {
+    Numbers numbers = estimator_.prior_mean();
+    bool possible = true;
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      const int choice = static_cast<int>(combination >> p & 1U);
+      possible &= choice < (sight_.seen[p] ? squares_[p].count : 1);
+      if (!possible) break;
+      if (!sight_.seen[p]) continue;
+      const Eigen::Isometry3d& pose = squares_[p].T_camera_marker[static_cast<std::size_t>(choice)];
+      numbers.segment<6>(6 * static_cast<int>(p)) = estimator_.motion(p, pose);
+    }
+    if (!possible) continue;
+    estimator_.improve(sight_, numbers);
+    const double cost = estimator_.cost(sight_, numbers);
+    if (cost < best_cost) {
+      best_cost = cost;
+      best = numbers;
+    }
+  }
+  for (int step = 0; step < kSteps; ++step) estimator_.improve(sight_, best);
+  return best;
+}
+
+PoseStage::Numbers PoseStage::estimate_one_by_one() const {
+  Numbers numbers = estimator_.prior_mean();
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if (!sight_.seen[p]) continue;
+    numbers.segment<6>(6 * static_cast<int>(p)) = estimator_.motion(p, squares_[p].T_camera_marker[0]);
+  }
+  return numbers;
+}
+
+// True if a plate had to be left out. Comparisons are written so that not-a-number counts as the worst.
+bool PoseStage::drop_worst(const Numbers& numbers) {
+  double worst = 1;
+  std::size_t worst_plate = kPlates;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if (!sight_.seen[p]) continue;
+    double excess = estimator_.reprojection_px(sight_, p, numbers) / kLargestReprojectionPx;
+    if (method_ == PoseMethod::kJoint) {
+      excess = std::max(excess, estimator_.distance_from_prior(p, numbers) / kFarthestSigmas);
+    }
+    if (!(excess <= worst)) {
+      worst = excess;
+      worst_plate = p;
+    }
+  }
+  if (worst_plate == kPlates) return false;
+  sight_.seen[worst_plate] = false;
+  return true;
+}
+
+}  // namespace finsight

@@ -1,0 +1,46 @@
+// MarkerCorners -> PlatePoses.
+#pragma once
+
+#include "firmware/model/model.h"
+#include "firmware/vision/camera_model.h"
+#include "firmware/vision/plate_estimator.h"
+
+namespace finsight {
+
+enum class PoseMethod : std::uint8_t {
+  kJoint,  ///< all plates at once from all corners, with the prior; the mirror poses of the squares are told apart by
+           ///< it
+  kPublished  ///< the paper's way: every marker alone by IPPE, whichever of its two poses fits the corners better
+};
+
+class PoseStage {
+ public:
+  /// Throws InputError for a camera that cannot be one and for a prior that is not a positive definite Gaussian.
+  PoseStage(const MountModel& mount, const PlatePrior& prior, const CameraModel& camera,
+            PoseMethod method = PoseMethod::kJoint);
+  PoseStage(const Model& model, const CameraModel& camera) : PoseStage(model.mount, model.prior, camera) {}
+
+  /// Motions of all plates. A marker is not seen, whatever `corners` says, if no square in front of the camera explains
+  /// its corners to 3 pixels or its plate were far from where touched fingers' plates are; plates that are not seen are
+  /// completed from the prior. Fresh if at least one is seen, otherwise invalid (and at rest). Never throws; only
+  /// OpenCV's IPPE allocates.
+  const PlatePoses& estimate(const MarkerCorners& corners);
+
+ private:
+  using Numbers = PlateEstimator::Numbers;
+  void look(const MarkerCorners& corners);
+  Numbers estimate_jointly() const;
+  Numbers estimate_one_by_one() const;
+  bool drop_worst(const Numbers& numbers);
+
+  CameraModel camera_;
+  float marker_size_mm_;
+  PlatePrior prior_;
+  PlateEstimator estimator_;
+  PoseMethod method_;
+  PlateSight sight_;
+  std::array<SquarePoses, kPlates> squares_;  ///< of the seen plates: at least one pose each
+  PlatePoses poses_;
+};
+
+}  // namespace finsight

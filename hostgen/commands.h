@@ -1,0 +1,17 @@
+// One function per subcommand; each lives in hostgen/<name>_command.cpp.
+#pragma once
+
+namespace CLI {
+class App;
+}
+
+namespace finsight::host {
+
+void add_mesh_command(CLI::App& app);
+void add_dataset_command(CLI::App& app);
+void add_build_command(CLI::App& app);
+void add_inspect_command(CLI::App& app);
+void add_render_command(CLI::App& app);
+void add_report_command(CLI::App& app);
+
+}  // namespace finsight::host

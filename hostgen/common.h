@@ -1,0 +1,51 @@
+// What every subcommand needs: progress on long work, all cores, files that are never left half-written, checksums.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <stdexcept>
+#include <string>
+
+namespace finsight::host {
+
+/// Ctrl-C was pressed. Long work asks for this between units of work and stops by throwing Interrupted.
+bool interrupted();
+void catch_interrupts();
+struct Interrupted : std::runtime_error {
+  Interrupted() : std::runtime_error("interrupted; nothing was left half-written") {}
+};
+
+/// One line on stderr that shows how far a long job is; silent for jobs under two seconds. Thread-safe.
+class Progress {
+ public:
+  Progress(std::string label, std::size_t total);
+  ~Progress();  ///< closes the line
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+  void advance(std::size_t done = 1);
+
+ private:
+  struct State;
+  State* state_;
+};
+
+/// Calls work(index) for 0 <= index < count on all cores, each index once. Results must go to slots of their own, so
+/// that they do not depend on the number of cores. The first exception of any worker is thrown again here; Ctrl-C
+/// throws Interrupted.
+void parallel_for(std::size_t count, const std::function<void(std::size_t)>& work);
+
+/// Writes `bytes` beside `file`, syncs, and renames: readers see the old file or the new one, never half of it.
+/// Throws std::system_error.
+void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes);
+void write_file_atomically(const std::filesystem::path& file, const std::string& text);
+/// Throws InputError if the file cannot be read.
+std::string read_file(const std::filesystem::path& file);
+
+/// Lower-case hexadecimal SHA-256.
+std::string sha256_hex(std::string_view bytes);
+
+}  // namespace finsight::host

@@ -1,0 +1,21 @@
+// Symbolic analysis of a block-sparse symmetric matrix: elimination order, supernodes, rows of the factor.
+#pragma once
+
+#include <vector>
+
+#include "firmware/model/model.h"
+
+namespace finsight::host {
+
+/// Owns what a CholeskyPlan views.
+struct CholeskyPlanData {
+  int blocks = 0;
+  std::vector<std::int32_t> order, pattern_start, pattern_row, supernode_start, rows_start, rows;
+  CholeskyPlan view() const;
+};
+
+/// `neighbours[i]`: the blocks coupled with block i, ascending, without i itself; symmetric. AMD order (Eigen's),
+/// postordered, supernodes relaxed where merging pays.
+CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours);
+
+}  // namespace finsight::host

@@ -1,0 +1,147 @@
+#include "hostgen/fem/quadratic_mesh.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <limits>
+#include <map>
+
+namespace finsight::host {
+namespace {
+
+/// Gives every edge one middle node, numbered in the order in which the edges are first met.
+class MiddleNodes {
+ public:
+  MiddleNodes(const TetMesh& mesh, QuadraticMesh& out) : out_(out), on_base_(mesh.node_mm.size(), false) {
+    for (const int node : mesh.base_nodes) on_base_[static_cast<std::size_t>(node)] = true;
+  }
+
+  int between(int a, int b) {
+    const auto [edge, added] = middle_.try_emplace(std::minmax(a, b), static_cast<int>(out_.node_mm.size()));
+    if (added) {
+      const auto from = static_cast<std::size_t>(a), to = static_cast<std::size_t>(b);
+      out_.node_mm.push_back(0.5 * (out_.node_mm[from] + out_.node_mm[to]));
+      // The base is a plane, so an edge between two of its nodes lies in it.
+      out_.fixed.push_back(on_base_[from] && on_base_[to]);
+    }
+    return edge->second;
+  }
+
+ private:
+  QuadraticMesh& out_;
+  std::vector<bool> on_base_;
+  std::map<std::pair<int, int>, int> middle_;
+};
+
+/// Barycentric coordinates of (x, y) in the triangle seen along z.
+Eigen::Vector3d barycentric(const std::array<Eigen::Vector3d, 3>& corner, double x, double y) {
+  const Eigen::Vector2d p(x, y), a = corner[0].head<2>(), ab = corner[1].head<2>() - a, ac = corner[2].head<2>() - a;
+  const double twice_area = ab.x() * ac.y() - ab.y() * ac.x();
+  const Eigen::Vector2d ap = p - a;
+  const double b = (ap.x() * ac.y() - ap.y() * ac.x()) / twice_area;
+  const double c = (ab.x() * ap.y() - ab.y() * ap.x()) / twice_area;
+  return {1 - b - c, b, c};
+}
+
+/// Nearest point of the triangle to (x, y), seen along z, as barycentric coordinates.
+Eigen::Vector3d nearest_in_triangle(const std::array<Eigen::Vector3d, 3>& corner, double x, double y) {
+  const Eigen::Vector3d inside = barycentric(corner, x, y);
+  if (inside.minCoeff() >= 0) return inside;
+  Eigen::Vector3d best = Eigen::Vector3d::Zero();
+  double best_distance = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 3; ++i) {
+    const int j = (i + 1) % 3;
+    const auto from = corner[static_cast<std::size_t>(i)].head<2>(), to = corner[static_cast<std::size_t>(j)].head<2>();
+    const Eigen::Vector2d edge = to - from;
+    const double along = std::clamp((Eigen::Vector2d(x, y) - from).dot(edge) / edge.squaredNorm(), 0.0, 1.0);
+    const double distance = (from + along * edge - Eigen::Vector2d(x, y)).squaredNorm();
+    if (distance >= best_distance) continue;
+    best_distance = distance;
+    best.setZero();
+    best[i] = 1 - along;
+    best[j] = along;
+  }
+  return best;
+}
+
+}  // namespace
+
+QuadraticMesh make_quadratic(const TetMesh& mesh) {
+  QuadraticMesh out;
+  out.corner_nodes = mesh.node_mm.size();
+  for (const auto& node : mesh.node_mm) out.node_mm.emplace_back(node[0], node[1], node[2]);
+  out.fixed.assign(out.corner_nodes, 0);
+  for (const int node : mesh.base_nodes) out.fixed[static_cast<std::size_t>(node)] = 1;
+  out.region = mesh.region;
+
+  MiddleNodes middles(mesh, out);
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    std::array<int, kTetNodes> nodes;
+    std::copy_n(mesh.tets[t].begin(), 4, nodes.begin());
+    for (std::size_t e = 0; e < kTetEdges.size(); ++e) {
+      const auto [a, b] = kTetEdges[e];
+      nodes[4 + e] = middles.between(nodes[static_cast<std::size_t>(a)], nodes[static_cast<std::size_t>(b)]);
+    }
+    out.tets.push_back(nodes);
+    if (mesh.region[t] >= kFirstPlateRegion) {
+      auto& plate = out.plate_nodes[static_cast<std::size_t>(mesh.region[t] - kFirstPlateRegion)];
+      plate.insert(plate.end(), nodes.begin(), nodes.end());
+    }
+  }
+  for (auto& plate : out.plate_nodes) {
+    std::sort(plate.begin(), plate.end());
+    plate.erase(std::unique(plate.begin(), plate.end()), plate.end());
+  }
+  for (const auto& [a, b, c] : front_triangles(mesh)) {
+    out.front.push_back({a, b, c, middles.between(a, b), middles.between(b, c), middles.between(c, a)});
+  }
+  return out;
+}
+
+TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm) {
+  Eigen::Matrix3d edges;
+  for (int i = 0; i < 3; ++i) edges.col(i) = corner_mm[static_cast<std::size_t>(i) + 1] - corner_mm[0];
+  TetGradients out;
+  out.volume_mm3 = edges.determinant() / 6;
+
+  // Gradients of the barycentric coordinates L are constant; those of the shape functions L(2L - 1) and 4 L L' follow.
+  const Eigen::Matrix3d inverse = edges.inverse();
+  std::array<Eigen::Vector3d, 4> dL;
+  for (std::size_t i = 0; i < 3; ++i) dL[i + 1] = inverse.row(static_cast<int>(i)).transpose();
+  dL[0] = -(dL[1] + dL[2] + dL[3]);
+  constexpr double kNear = 0.58541019662496845, kFar = 0.13819660112501052;  // (5 + 3 sqrt 5) / 20, (5 - sqrt 5) / 20
+  for (std::size_t g = 0; g < kGaussPoints; ++g) {
+    std::array<double, 4> L{kFar, kFar, kFar, kFar};
+    L[g] = kNear;
+    for (std::size_t a = 0; a < 4; ++a) out.at[g][a] = (4 * L[a] - 1) * dL[a];
+    for (std::size_t e = 0; e < kTetEdges.size(); ++e) {
+      const auto a = static_cast<std::size_t>(kTetEdges[e][0]), b = static_cast<std::size_t>(kTetEdges[e][1]);
+      out.at[g][4 + e] = 4 * (L[a] * dL[b] + L[b] * dL[a]);
+    }
+  }
+  return out;
+}
+
+FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm) {
+  double best_distance = std::numeric_limits<double>::infinity();
+  FacePoint best;
+  for (const auto& triangle : mesh.front) {
+    std::array<Eigen::Vector3d, 3> corner;
+    for (std::size_t i = 0; i < 3; ++i) corner[i] = mesh.node_mm[static_cast<std::size_t>(triangle[i])];
+    const Eigen::Vector3d L = nearest_in_triangle(corner, x_mm, y_mm);
+    const Eigen::Vector3d at = L[0] * corner[0] + L[1] * corner[1] + L[2] * corner[2];
+    const double distance = (at.head<2>() - Eigen::Vector2d(x_mm, y_mm)).squaredNorm();
+    if (distance >= best_distance) continue;
+    best_distance = distance;
+    best.node = triangle;
+    best.weight = {L[0] * (2 * L[0] - 1), L[1] * (2 * L[1] - 1), L[2] * (2 * L[2] - 1),
+                   4 * L[0] * L[1],       4 * L[1] * L[2],       4 * L[2] * L[0]};
+    best.at_mm = at;
+    // The face looks towards negative z, so the normal with positive z points into the finger.
+    best.inward = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
+    if (best.inward.z() < 0) best.inward = -best.inward;
+  }
+  return best;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,53 @@
+// The finger's mesh with ten-node (quadratic) tetrahedra, and point loads on its touched face.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "hostgen/finger/mesh.h"
+
+namespace finsight::host {
+
+/// Nodes per quadratic tetrahedron: 4 corners, then the middles of edges 01 12 02 03 13 23 (CalculiX's C3D10).
+inline constexpr int kTetNodes = 10;
+inline constexpr std::array<std::array<int, 2>, 6> kTetEdges{{{0, 1}, {1, 2}, {0, 2}, {0, 3}, {1, 3}, {2, 3}}};
+/// Gauss points per tetrahedron; each stands for a quarter of its volume and integrates quadratic terms exactly.
+inline constexpr int kGaussPoints = 4;
+
+/// The same geometry as the TetMesh it is made of (edges stay straight); only the elements are richer.
+struct QuadraticMesh {
+  std::size_t corner_nodes = 0;                   ///< the first nodes, numbered as in the TetMesh
+  std::vector<Eigen::Vector3d> node_mm;
+  std::vector<std::array<int, kTetNodes>> tets;   ///< in the order of the TetMesh
+  std::vector<int> region;                        ///< per tet, as in the TetMesh
+  std::vector<std::uint8_t> fixed;                ///< per node: 1 on the base plane
+  std::array<std::vector<int>, kPlates> plate_nodes;
+  std::vector<std::array<int, 6>> front;          ///< triangles of the touched face: corners, middles of 01 12 20
+};
+
+QuadraticMesh make_quadratic(const TetMesh& mesh);
+
+/// Gradients of the ten shape functions (1/mm, undeformed coordinates) at the four Gauss points of a straight-edged tet.
+struct TetGradients {
+  std::array<std::array<Eigen::Vector3d, kTetNodes>, kGaussPoints> at;
+  double volume_mm3 = 0;
+};
+TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm);
+
+/// A point of the touched face as a weighted sum of the six nodes of the quadratic triangle that holds it. A force at the
+/// point is shared among the nodes by the same weights (the work-equivalent load), and they interpolate displacements at
+/// it. The weights sum to 1; away from the corners the weights of corners are negative (down to -1/8), which is right:
+/// force and moment of the six add up to those of the one.
+struct FacePoint {
+  std::array<int, 6> node{};
+  std::array<double, 6> weight{};
+  Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d inward = Eigen::Vector3d::Zero();  ///< unit normal of the undeformed face into the finger
+};
+/// The point of the face above (x, y); beside the face, the nearest point of its edge.
+FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm);
+
+}  // namespace finsight::host

@@ -1,0 +1,46 @@
+// Hyperelastic statics of the touched finger: compressible neo-Hookean (Abaqus form: mu/2 (J^-2/3 I1 - 3) + K/2 (J-1)^2),
+// ten-node tetrahedra (C3D10), base fixed, plates stiffened, one normal force on the front face. It is the truth that
+// everything is trained and judged on, and shares with the firmware's shape solver only the corners of its mesh: elements,
+// energy and loads are others.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "hostgen/fem/dataset.h"
+
+namespace finsight::host {
+
+/// What all states of one finger share: mesh, material, symbolic factorisation. Constant; one serves all threads.
+class StaticsSetup;
+std::shared_ptr<const StaticsSetup> make_statics_setup(const FingerSpec& spec, const TetMesh& mesh);
+
+/// One finger under load; keeps its state, so that a path of neighbouring loads is cheap. Not thread-safe; make one per
+/// thread from a shared setup.
+class FingerStatics {
+ public:
+  FingerStatics(const FingerSpec& spec, const TetMesh& mesh);
+  explicit FingerStatics(std::shared_ptr<const StaticsSetup> setup);
+  ~FingerStatics();
+  FingerStatics(const FingerStatics&) = delete;
+  FingerStatics& operator=(const FingerStatics&) = delete;
+
+  /// Back to the undeformed finger. What follows does not depend on anything before.
+  void reset();
+  /// Equilibrium under `force_n` along the inward normal of the undeformed front face, applied at `point_mm` of the
+  /// undeformed front face (shared among the nodes of the triangle that holds it; z is ignored and taken from the face;
+  /// a point beside the face stands for the nearest of its edge). Starts from the present state; splits the step where
+  /// Newton needs it. False if no equilibrium was found that the present one leads to without a jump (the finger buckles
+  /// or snaps through, or gives way without end): the state is then the one before the call.
+  bool load(const Vec3f& point_mm, double force_n);
+  /// The present state; `path` and `front_node` are left 0. Not valid if the touched point has moved more than 20 mm.
+  FemState state() const;
+  /// [3 * mesh nodes] displacement of the mesh's (corner) nodes, mm.
+  std::vector<double> node_displacement_mm() const;
+
+ private:
+  struct Solver;
+  std::unique_ptr<Solver> solver_;
+};
+
+}  // namespace finsight::host

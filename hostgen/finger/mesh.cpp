@@ -1,0 +1,166 @@
+// Spec -> grid -> surface -> TetGen, then made into what the solvers rely on: right-handed tets, no unused nodes, and
+// the node sets (touched face, base, plates) found from the planes and regions that define them.
+#include "hostgen/finger/mesh.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "hostgen/finger/grid.h"
+#include "hostgen/finger/surface.h"
+#include "hostgen/finger/tetgen.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr std::chrono::seconds kTetgenLimit{30};  // the fine mesh takes a second; with bad luck TetGen never ends
+constexpr double kOnPlaneMm = 1e-6;
+
+/// q: largest radius-edge ratio / smallest dihedral angle aimed at; a: largest volume, mm^3; A: regions; Q: quiet; T:
+/// what counts as coplanar (at its default, 1e-8, TetGen 1.5 aborts on fingers that it meshes well with 1e-9 ... 1e-13).
+/// Without a volume the walls' thickness and the ratio decide the number of tets.
+const char* switches(MeshSize size) {
+  switch (size) {
+    case MeshSize::kCoarse:
+      return "pq3/5AQT1e-10";
+    case MeshSize::kDefault:
+      return "pq1.4/15AQT1e-10";
+    case MeshSize::kFine:
+      return "pq1.4/15a20AQT1e-10";
+  }
+  throw std::logic_error("unknown mesh size");
+}
+
+Eigen::Vector3d at(const TetMesh& mesh, int node) {
+  return Eigen::Map<const Eigen::Vector3d>(mesh.node_mm[node].data());
+}
+
+/// Faces of a positively oriented tet, counter-clockwise seen from outside; face i lies opposite corner i.
+constexpr int kFaces[4][3] = {{1, 2, 3}, {0, 3, 2}, {0, 1, 3}, {0, 2, 1}};
+
+void orient(TetMesh& mesh) {
+  for (auto& tet : mesh.tets) {
+    const Eigen::Vector3d a = at(mesh, tet[0]);
+    const double volume = (at(mesh, tet[1]) - a).dot((at(mesh, tet[2]) - a).cross(at(mesh, tet[3]) - a));
+    if (volume == 0) throw std::runtime_error("tetgen made a tetrahedron without volume");
+    if (volume < 0) std::swap(tet[2], tet[3]);
+  }
+}
+
+void drop_unused_nodes(TetMesh& mesh) {
+  std::vector<int> new_index(mesh.node_mm.size(), -1);
+  for (const auto& tet : mesh.tets) {
+    for (const int node : tet) new_index[node] = 0;
+  }
+  int used = 0;
+  for (std::size_t node = 0; node < new_index.size(); ++node) {
+    if (new_index[node] < 0) continue;
+    mesh.node_mm[used] = mesh.node_mm[node];
+    new_index[node] = used++;
+  }
+  mesh.node_mm.resize(used);
+  for (auto& tet : mesh.tets) {
+    for (int& node : tet) node = new_index[node];
+  }
+}
+
+void find_node_sets(TetMesh& mesh, const FingerSpec& spec) {
+  for (int node = 0; node < static_cast<int>(mesh.node_mm.size()); ++node) {
+    const auto [x, y, z] = mesh.node_mm[node];
+    if (std::abs(z - spec.front_z.at(y)) < kOnPlaneMm) mesh.front_nodes.push_back(node);
+    if (std::abs(y) < kOnPlaneMm) mesh.base_nodes.push_back(node);
+  }
+  for (std::size_t i = 0; i < mesh.tets.size(); ++i) {
+    if (mesh.region[i] < kFirstPlateRegion) continue;
+    std::vector<int>& nodes = mesh.plate_nodes[mesh.region[i] - kFirstPlateRegion];
+    nodes.insert(nodes.end(), mesh.tets[i].begin(), mesh.tets[i].end());
+  }
+  for (std::vector<int>& nodes : mesh.plate_nodes) {
+    std::sort(nodes.begin(), nodes.end());
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  }
+}
+
+double min_dihedral_deg(const TetMesh& mesh) {
+  double largest_cosine = -1;  // of all dihedral angles
+  for (const auto& tet : mesh.tets) {
+    Eigen::Vector3d normal[4];
+    for (int face = 0; face < 4; ++face) {
+      const Eigen::Vector3d a = at(mesh, tet[kFaces[face][0]]);
+      normal[face] = (at(mesh, tet[kFaces[face][1]]) - a).cross(at(mesh, tet[kFaces[face][2]]) - a).normalized();
+    }
+    for (int i = 0; i < 4; ++i) {
+      for (int j = 0; j < i; ++j) largest_cosine = std::max(largest_cosine, -normal[i].dot(normal[j]));
+    }
+  }
+  return std::acos(std::min(1.0, largest_cosine)) * 180 / std::numbers::pi;
+}
+
+}  // namespace
+
+TetMesh make_mesh(const FingerSpec& spec, MeshSize size) {
+  check_shape(spec);
+  TetgenOutput raw = run_tetgen(poly_text(make_surface(make_grid(spec))), switches(size), kTetgenLimit);
+  TetMesh mesh;
+  mesh.node_mm = std::move(raw.nodes);
+  mesh.tets = std::move(raw.tets);
+  mesh.region = std::move(raw.region);
+  if (mesh.tets.empty()) throw std::runtime_error("tetgen made no tetrahedra");
+  if (*std::max_element(mesh.region.begin(), mesh.region.end()) >= kFirstPlateRegion + kPlates) {
+    throw std::runtime_error("tetgen filled a hollow of the finger: its surface is not closed");
+  }
+  orient(mesh);
+  drop_unused_nodes(mesh);
+  find_node_sets(mesh, spec);
+  mesh.min_dihedral_deg = min_dihedral_deg(mesh);
+  return mesh;
+}
+
+std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh) {
+  std::vector<std::array<int, 3>> triangles;
+  const auto on_front = [&](int node) {
+    return std::binary_search(mesh.front_nodes.begin(), mesh.front_nodes.end(), node);
+  };
+  for (const auto& tet : mesh.tets) {
+    for (const auto& face : kFaces) {
+      // The face is a plane with all of the finger on one side, so three nodes on it are a triangle of it.
+      if (on_front(tet[face[0]]) && on_front(tet[face[1]]) && on_front(tet[face[2]])) {
+        triangles.push_back({tet[face[0]], tet[face[1]], tet[face[2]]});
+      }
+    }
+  }
+  return triangles;
+}
+
+std::vector<Vec3f> touch_points(const FingerSpec& spec, int count) {
+  if (count < 1) throw std::invalid_argument("touch_points: count must be at least 1");
+  const auto half_width = [&](double y) { return spec.half_width.at(y) - spec.touch_edge_mm; };
+  const auto [lowest, highest] = spec.touch_y_mm;
+  const double height = highest - lowest;
+  // Rows as far apart as the points of a row, then each row gets its share by its width: the first `before + width`
+  // part of the sum of widths has the same part of the points.
+  const double mean_width = half_width(lowest) + half_width(highest);
+  const int rows = std::clamp(static_cast<int>(std::lround(std::sqrt(count * height / mean_width))), 1, count);
+  const auto row_y = [&](int row) { return rows == 1 ? lowest + height / 2 : lowest + height * row / (rows - 1); };
+  double sum_of_widths = 0;
+  for (int row = 0; row < rows; ++row) sum_of_widths += half_width(row_y(row));
+  std::vector<Vec3f> points;
+  double before = 0;
+  for (int row = 0; row < rows; ++row) {
+    const double y = row_y(row), half = half_width(y);
+    before += half;
+    const int last = row == rows - 1 ? count : static_cast<int>(std::lround(count * before / sum_of_widths));
+    const int in_row = last - static_cast<int>(points.size());
+    for (int i = 0; i < in_row; ++i) {
+      const double x = in_row == 1 ? 0 : half * (2.0 * i / (in_row - 1) - 1);
+      points.emplace_back(static_cast<float>(x), static_cast<float>(y), static_cast<float>(spec.front_z.at(y)));
+    }
+  }
+  return points;
+}
+
+}  // namespace finsight::host

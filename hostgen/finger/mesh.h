@@ -1,0 +1,50 @@
+// Spec -> closed surface -> tetrahedra. The only folder that runs TetGen.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <vector>
+
+#include "hostgen/finger/spec.h"
+
+namespace finsight::host {
+
+/// Labels of tetrahedra: the soft body, then one per rigid plate.
+inline constexpr int kBodyRegion = 0;
+inline constexpr int kFirstPlateRegion = 1;  ///< + plate index (top, middle, low)
+
+struct TetMesh {
+  std::vector<std::array<double, 3>> node_mm;         ///< finger frame, undeformed
+  std::vector<std::array<int, 4>> tets;               ///< positively oriented: det(x1-x0, x2-x0, x3-x0) > 0
+  std::vector<int> region;                            ///< per tet
+  std::vector<int> front_nodes;                       ///< on the touched face, ascending
+  std::vector<int> base_nodes;                        ///< on the base plane y = 0, ascending
+  std::array<std::vector<int>, kPlates> plate_nodes;  ///< of the rigid plates, ascending
+  double min_dihedral_deg = 0;
+};
+
+enum class MeshSize { kCoarse, kDefault, kFine };  ///< about 2k, 3-4k, 16k tets
+
+/// Meshes the finger. The same spec gives the same bytes. Throws InputError (surface cannot be closed: the reason) and
+/// std::runtime_error (tetgen missing, failed or over its time limit).
+TetMesh make_mesh(const FingerSpec& spec, MeshSize size = MeshSize::kDefault);
+
+/// The triangles of the touched face as mesh node indices, counter-clockwise seen from outside (from -z), in the order
+/// of the tets that own them.
+std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh);
+
+/// Exactly `count` >= 1 points spread evenly over the part of the undeformed front face that is touched (the spec's
+/// touch section), its border included. They lie on the face's plane, in rows from the lowest up; not on mesh nodes.
+std::vector<Vec3f> touch_points(const FingerSpec& spec, int count);
+
+/// Checks that both pictures show all markers whole, each with its white border of one module: projects plates, beams
+/// and walls for the rest pose and for the corners of the working range of plate motions. Throws InputError naming the
+/// plate and what hides it. read_finger_spec() has done it.
+void check_visibility(const FingerSpec& spec);
+
+/// Writes a .vtu (ASCII XML) that ParaView opens: cell array "region", point arrays "front" and "base" (0 or 1),
+/// "plate" (0 none, else the plate's region), and "displacement_mm" if given ([3 * nodes]).
+void write_vtu(const std::filesystem::path& file, const TetMesh& mesh,
+               const std::vector<double>* displacement_mm = nullptr);
+
+}  // namespace finsight::host

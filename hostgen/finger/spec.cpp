@@ -1,0 +1,189 @@
+#include "hostgen/finger/spec.h"
+
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "firmware/input_error.h"
+#include "firmware/toml_table.h"
+#include "hostgen/common.h"
+#include "hostgen/finger/grid.h"
+#include "hostgen/finger/mesh.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr double kRadPerDeg = std::numbers::pi / 180;
+constexpr double kLargestMm = 1000;  // a finger, not a crane
+
+std::array<double, 2> pair(TomlTable& table, const std::string& key, double lowest, double highest) {
+  const std::vector<double> values = table.numbers(key, 2, lowest, highest);
+  return {values[0], values[1]};
+}
+
+std::array<double, 2> ascending_pair(TomlTable& table, const std::string& key, double lowest, double highest) {
+  const std::array<double, 2> values = pair(table, key, lowest, highest);
+  if (values[0] < values[1]) return values;
+  throw InputError(table.where(key), key, std::to_string(values[0]) + ", " + std::to_string(values[1]),
+                   "two ascending numbers");
+}
+
+Eigen::Vector3d vector3(TomlTable& table, const std::string& key, double largest) {
+  const std::vector<double> values = table.numbers(key, 3, -largest, largest);
+  return {values[0], values[1], values[2]};
+}
+
+void read_shape(TomlTable table, FingerSpec& spec) {
+  const auto thickness = [&](const char* key) { return table.number(key, 0.5, kLargestMm); };
+  spec.height_mm = table.number("height_mm", 1, kLargestMm);
+  const auto taper = [&](const char* key, double lowest) {
+    const auto [base, tip] = pair(table, key, lowest, kLargestMm);
+    return Taper{base, (tip - base) / spec.height_mm};
+  };
+  spec.front_z = taper("front_z_mm", -kLargestMm);
+  spec.back_z = taper("back_z_mm", -kLargestMm);
+  spec.half_width = taper("half_width_mm", 0.5);
+  spec.front_wall_mm = thickness("front_wall_mm");
+  spec.back_wall_mm = thickness("back_wall_mm");
+  spec.side_wall_mm = thickness("side_wall_mm");
+  spec.base_ring_mm = thickness("base_ring_mm");
+  spec.top_mm = thickness("top_mm");
+  spec.beam_mm = thickness("beam_mm");
+  spec.plate_mm = thickness("plate_mm");
+  table.finish();
+}
+
+void read_material(TomlTable table, FingerSpec& spec) {
+  spec.youngs_modulus_mpa = table.number("youngs_modulus_mpa", 1e-3, 1e6);
+  spec.poisson_ratio = table.number("poisson_ratio", 0, 0.499);  // at 0.5 the volume cannot change at all
+  spec.plate_stiffness_ratio = table.number("plate_stiffness_ratio", 1, 1e4);
+  table.finish();
+}
+
+WorkingRange read_range(TomlTable table) {
+  WorkingRange range;
+  range.inward_mm = table.number("inward_mm", 0, kLargestMm);
+  range.sideways_mm = table.number("sideways_mm", 0, kLargestMm);
+  range.tilt_rad = table.number("tilt_deg", 0, 80) * kRadPerDeg;
+  range.turn_rad = table.number("turn_deg", 0, 80) * kRadPerDeg;
+  table.finish();
+  return range;
+}
+
+PoseNoise read_noise(TomlTable table) {
+  PoseNoise noise;
+  noise.lateral_mm = table.number("lateral_mm", 0, 100);
+  noise.depth_mm = table.number("depth_mm", 0, 100);
+  noise.tilt_rad = table.number("tilt_deg", 0, 90) * kRadPerDeg;
+  noise.roll_rad = table.number("roll_deg", 0, 90) * kRadPerDeg;
+  table.finish();
+  return noise;
+}
+
+void read_plates(TomlTable table, FingerSpec& spec) {
+  std::set<int> ids;
+  for (int index = 0; index < kPlates; ++index) {
+    TomlTable entry = table.table(kPlateNames[index]);
+    PlateSpec& plate = spec.plates[index];
+    plate.beam_y_mm = entry.number("beam_y_mm", 0, kLargestMm);
+    plate.across = ascending_pair(entry, "across", -1, 1);
+    plate.deep = ascending_pair(entry, "deep", 0, 1);
+    plate.marker_id = static_cast<int>(entry.integer("marker_id", 0, 49));  // DICT_4X4_50 has 50 markers
+    if (!ids.insert(plate.marker_id).second) {
+      throw InputError(entry.where("marker_id"), "marker_id", std::to_string(plate.marker_id) + " twice",
+                       "a marker of its own on every plate");
+    }
+    plate.range = read_range(entry.table("range"));
+    spec.noise[index] = read_noise(entry.table("noise"));
+    entry.finish();
+  }
+  table.finish();
+}
+
+void read_markers(TomlTable table, FingerSpec& spec) {
+  table.choice("dictionary", {"DICT_4X4_50"});
+  spec.marker_size_mm = table.number("size_mm", 0.1, 100);
+  table.finish();
+}
+
+CameraIntrinsics read_intrinsics(TomlTable table, int width_px, int height_px) {
+  CameraIntrinsics c;
+  c.width_px = width_px;
+  c.height_px = height_px;
+  c.fx = table.number("fx", 10, 1e5);
+  c.fy = table.number("fy", 10, 1e5);
+  c.cx = table.number("cx", 0, width_px);
+  c.cy = table.number("cy", 0, height_px);
+  c.k1 = table.number("k1", -10, 10);
+  c.k2 = table.number("k2", -10, 10);
+  c.p1 = table.number("p1", -1, 1);
+  c.p2 = table.number("p2", -1, 1);
+  c.k3 = table.number("k3", -10, 10);
+  table.finish();
+  return c;
+}
+
+void read_camera(TomlTable table, FingerSpec& spec) {
+  const Eigen::Vector3d look = vector3(table, "look", 1e6);
+  const Eigen::Vector3d across = Eigen::Vector3d::UnitX() * look.squaredNorm() - look * look.x();
+  if (look.norm() < 1e-6 || across.norm() < 1e-3 * look.squaredNorm()) {
+    throw InputError(table.where("look"), "camera.look", "no direction or finger x",
+                     "a direction that is not along finger x");
+  }
+  Eigen::Matrix3d axes;  // camera x stays as near to finger x as the line of sight allows
+  axes.col(0) = across.normalized();
+  axes.col(2) = look.normalized();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  spec.T_finger_camera.linear() = axes;
+  spec.T_finger_camera.translation() = vector3(table, "position_mm", kLargestMm);
+  spec.cameras[0] = read_intrinsics(table.table("size_1280x720"), 1280, 720);
+  spec.cameras[1] = read_intrinsics(table.table("size_640x480"), 640, 480);
+  table.finish();
+}
+
+void read_touch(TomlTable table, FingerSpec& spec) {
+  spec.touch_y_mm = ascending_pair(table, "y_mm", 0, spec.height_mm);
+  const double narrowest_mm = std::min(spec.half_width.at(spec.touch_y_mm[0]), spec.half_width.at(spec.touch_y_mm[1]));
+  spec.touch_edge_mm = table.number("edge_mm", 0, narrowest_mm);
+  spec.force_n = ascending_pair(table, "force_n", 0, 1000);
+  spec.threshold_mm = table.number("threshold_mm", 0, 100);
+  spec.rated_deformation_mm = table.number("rated_deformation_mm", 0.01, 1000);
+  table.finish();
+}
+
+/// Plates lie level at rest: marker x = finger x, y = finger z, z = finger -y (down, towards the camera).
+void place_markers(FingerSpec& spec) {
+  for (int index = 0; index < kPlates; ++index) {
+    PlateSpec& plate = spec.plates[index];
+    const double y_mm = plate_bottom_mm(spec, index);
+    const double front_mm = inner_front_mm(spec, y_mm);
+    const double depth_mm = inner_back_mm(spec, y_mm) - front_mm;
+    plate.T_finger_marker.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+    plate.T_finger_marker.translation() << inner_half_width_mm(spec, y_mm) * (plate.across[0] + plate.across[1]) / 2,
+        y_mm, front_mm + depth_mm * (plate.deep[0] + plate.deep[1]) / 2;
+  }
+}
+
+}  // namespace
+
+FingerSpec read_finger_spec(const std::filesystem::path& file) {
+  FingerSpec spec;
+  spec.file = file;
+  spec.sha256 = sha256_hex(read_file(file));
+  TomlTable table = TomlTable::parse_file(file);
+  spec.name = table.text("name");
+  read_shape(table.table("shape"), spec);
+  read_material(table.table("material"), spec);
+  read_markers(table.table("markers"), spec);
+  read_plates(table.table("plates"), spec);
+  read_camera(table.table("camera"), spec);
+  read_touch(table.table("touch"), spec);
+  table.finish();
+  check_shape(spec);
+  place_markers(spec);
+  check_visibility(spec);
+  return spec;
+}
+
+}  // namespace finsight::host

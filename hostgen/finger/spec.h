@@ -1,0 +1,92 @@
+// The finger spec: everything about a finger that a person decides, read strictly from TOML (hostgen/fingers/*.toml).
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <filesystem>
+#include <string>
+
+#include "firmware/types.h"
+
+namespace finsight::host {
+
+/// A quantity that changes linearly with height: value(y) = at_base + slope * y.
+struct Taper {
+  double at_base_mm = 0;
+  double slope = 0;
+  double at(double y_mm) const { return at_base_mm + slope * y_mm; }
+};
+
+/// How far a plate and its crossbeam move in use, at the middle of the finger (x = 0). The finger is only pushed inward,
+/// and everything else grows with that. What must hold "over the working range" is checked at rest and for all plates
+/// together at half and at all of it, in every combination of directions.
+struct WorkingRange {
+  double inward_mm = 0;    ///< along finger +z, away from the touched face
+  double sideways_mm = 0;  ///< along finger x, either way
+  double tilt_rad = 0;     ///< about finger x and about finger z, either way
+  double turn_rad = 0;     ///< about finger y, either way
+};
+
+/// One rigid plate hanging under a crossbeam, with its marker on its lower side. A plate that reaches a side wall hangs
+/// on that side of its crossbeam; any other hangs on a bar of its own that runs from the front wall to the back.
+struct PlateSpec {
+  double beam_y_mm = 0;            ///< height of the middle of the crossbeam that carries it
+  std::array<double, 2> across{};  ///< left and right end, as fractions of the inner half width (-1 ... 1)
+  std::array<double, 2> deep{};    ///< front and back end, as fractions of the inner depth (0 front ... 1 back)
+  int marker_id = 0;               ///< of DICT_4X4_50
+  /// At rest. Origin: middle of the plate's lower face; marker x = finger x, y = finger z, z = finger -y.
+  Eigen::Isometry3d T_finger_marker = Eigen::Isometry3d::Identity();
+  WorkingRange range;
+};
+
+/// Pinhole with Brown-Conrady distortion, OpenCV's convention, for one picture size.
+struct CameraIntrinsics {
+  int width_px = 0, height_px = 0;
+  double fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixels
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
+};
+
+/// Standard deviation of a measured plate motion, per plate: what the touch network is trained against.
+struct PoseNoise {
+  double lateral_mm = 0;  ///< across the line of sight
+  double depth_mm = 0;    ///< along it
+  double tilt_rad = 0;    ///< rotation out of the picture plane
+  double roll_rad = 0;    ///< rotation in the picture plane
+};
+
+struct FingerSpec {
+  std::filesystem::path file;
+  std::string name;
+  std::string sha256;  ///< of the spec file's bytes
+
+  // Shape, all lengths in mm. Planes and edges are straight lines over the height y.
+  double height_mm = 0;
+  Taper front_z, back_z, half_width;  ///< outer faces: z of the touched face, z of the back, x of the sides
+  double front_wall_mm = 0, back_wall_mm = 0;
+  double side_wall_mm = 0;  ///< width of the posts and bars at the open sides
+  double base_ring_mm = 0, top_mm = 0, beam_mm = 0, plate_mm = 0;
+  std::array<PlateSpec, kPlates> plates;  ///< top, middle, low
+  double marker_size_mm = 0;              ///< side of the marker's black square; around it one module (1/6) stays white
+
+  // Material (paper, section 2.1)
+  double youngs_modulus_mpa = 0, poisson_ratio = 0;
+  double plate_stiffness_ratio = 0;  ///< how many times stiffer than the finger the rigid plates are modelled
+
+  // Camera (OpenCV's frame: x right, y down in the picture, z along the line of sight)
+  Eigen::Isometry3d T_finger_camera = Eigen::Isometry3d::Identity();
+  std::array<CameraIntrinsics, 2> cameras;  ///< 1280x720 and 640x480
+  std::array<PoseNoise, kPlates> noise;
+
+  // Touch
+  std::array<double, 2> touch_y_mm{};  ///< lowest and highest touched point of the front face
+  double touch_edge_mm = 0;            ///< distance of the touched points from the side edges
+  std::array<double, 2> force_n{};     ///< lowest and highest force
+  double threshold_mm = 0;             ///< plate motion below which no touch is published
+  double rated_deformation_mm = 0;     ///< RMS front-face displacement that counts as 1000 per mille
+};
+
+/// Throws InputError for unknown keys, wrong types, numbers that cannot be a finger, and a camera that does not see all
+/// markers (with the reason).
+FingerSpec read_finger_spec(const std::filesystem::path& file);
+
+}  // namespace finsight::host

@@ -1,0 +1,225 @@
+// Rays from the camera to every plate's marker, at rest and at the corners of the working range. The finger bends as
+// one piece: each plate moves rigidly with its crossbeam, the base stands still, the cap moves with the top plate, and
+// what lies between is blended over the height. The surface of all cells, so moved, is what a ray may hit.
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <sstream>
+#include <vector>
+
+#include "firmware/input_error.h"
+#include "hostgen/finger/grid.h"
+#include "hostgen/finger/mesh.h"
+
+namespace finsight::host {
+
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+constexpr int kSamples = 9;                    // per side of the marker: 1.3 mm apart at 8 mm, obstacles are thicker
+constexpr double kMarginShare = 1.0 / 60;      // of the picture's height: 12 and 8 pixels
+constexpr double kSmallestFacingCosine = 0.3;  // a marker seen more from the side than this is too narrow to be read
+
+/// A corner of the working range: directions, and how much of the range.
+struct Pose {
+  double share = 0;
+  double sideways = 0, tilt_x = 0, turn = 0, tilt_z = 0;
+};
+
+std::vector<Pose> poses_to_check() {
+  std::vector<Pose> poses = {Pose{}};
+  for (const double share : {0.5, 1.0}) {
+    for (int corner = 0; corner < 16; ++corner) {
+      const auto sign = [&](int bit) { return corner >> bit & 1 ? 1.0 : -1.0; };
+      poses.push_back({share, sign(0), sign(1), sign(2), sign(3)});
+    }
+  }
+  return poses;
+}
+
+/// Where a plate's rest points go.
+Isometry3d plate_motion(const PlateSpec& plate, const Pose& pose) {
+  const WorkingRange& range = plate.range;
+  Vector3d centre = plate.T_finger_marker.translation();
+  centre.x() = 0;
+  const Vector3d rotation =
+      pose.share * Vector3d(pose.tilt_x * range.tilt_rad, pose.turn * range.turn_rad, pose.tilt_z * range.tilt_rad);
+  const Vector3d shift = pose.share * Vector3d(pose.sideways * range.sideways_mm, 0, range.inward_mm);
+  Isometry3d motion = Isometry3d::Identity();
+  if (rotation.norm() > 0) {
+    motion.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).toRotationMatrix();
+  }
+  motion.translation() = centre - motion.linear() * centre + shift;
+  return motion;
+}
+
+/// The bent finger: rigid motions at given heights, blended between them.
+struct Bending {
+  struct Knot {
+    double y_mm;
+    Isometry3d motion;
+  };
+  std::vector<Knot> knots;  // ascending
+
+  Bending(const FingerSpec& spec, const Pose& pose) {
+    knots.push_back({0, Isometry3d::Identity()});
+    for (int plate = kPlates - 1; plate >= 0; --plate) {
+      const Isometry3d motion = plate_motion(spec.plates[plate], pose);
+      knots.push_back({plate_bottom_mm(spec, plate), motion});
+      knots.push_back({spec.plates[plate].beam_y_mm + spec.beam_mm / 2, motion});
+    }
+  }
+
+  Vector3d moved(const Vector3d& rest) const {
+    std::size_t upper = 0;
+    while (upper < knots.size() && knots[upper].y_mm < rest.y()) ++upper;
+    if (upper == 0) return knots.front().motion * rest;
+    if (upper == knots.size()) return knots.back().motion * rest;
+    const Knot &a = knots[upper - 1], &b = knots[upper];
+    const double share = (rest.y() - a.y_mm) / (b.y_mm - a.y_mm);
+    return (1 - share) * (a.motion * rest) + share * (b.motion * rest);
+  }
+};
+
+struct Triangle {
+  Vector3d corner, edge1, edge2;
+  std::array<int, 3> cell;  // whose surface it is
+};
+
+/// The surface of all filled cells, two triangles per face that borders on air.
+std::vector<Triangle> moved_surface(const FingerGrid& grid, const Bending& bending) {
+  std::vector<Triangle> triangles;
+  const int nx = grid.cells(0), ny = grid.cells(1);
+  for (std::size_t index = 0; index < grid.labels.size(); ++index) {
+    const int i = static_cast<int>(index);
+    const std::array<int, 3> cell = {i % nx, i / nx % ny, i / (nx * ny)};
+    if (grid.label(cell) == kAir) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const int side : {0, 1}) {
+        std::array<int, 3> neighbour = cell;
+        neighbour[axis] += side == 0 ? -1 : 1;
+        if (grid.label(neighbour) != kAir) continue;
+        const auto corner = [&](int u, int v) {
+          std::array<int, 3> spot = cell;
+          spot[axis] += side;
+          spot[(axis + 1) % 3] += u;
+          spot[(axis + 2) % 3] += v;
+          return bending.moved(grid.point(spot));
+        };
+        const Vector3d p00 = corner(0, 0), p10 = corner(1, 0), p01 = corner(0, 1), p11 = corner(1, 1);
+        triangles.push_back({p00, p10 - p00, p01 - p00, cell});
+        triangles.push_back({p11, p01 - p11, p10 - p11, cell});
+      }
+    }
+  }
+  return triangles;
+}
+
+/// Moeller and Trumbore: the share of the way from `from` along `ray` at which it meets the triangle.
+std::optional<double> hit(const Triangle& triangle, const Vector3d& from, const Vector3d& ray) {
+  const Vector3d p = ray.cross(triangle.edge2);
+  const double determinant = triangle.edge1.dot(p);
+  if (determinant == 0) return std::nullopt;
+  const Vector3d s = from - triangle.corner;
+  const double u = s.dot(p) / determinant;
+  if (u < 0 || u > 1) return std::nullopt;
+  const Vector3d q = s.cross(triangle.edge1);
+  const double v = ray.dot(q) / determinant;
+  if (v < 0 || u + v > 1) return std::nullopt;
+  return triangle.edge2.dot(q) / determinant;
+}
+
+/// Pixel of a point in the camera frame; nothing if the lens model does not reach it (behind the camera, or so far out
+/// that the distortion folds back).
+std::optional<Eigen::Vector2d> project(const CameraIntrinsics& c, const Vector3d& point) {
+  if (point.z() <= 0) return std::nullopt;
+  const double x = point.x() / point.z(), y = point.y() / point.z();
+  const double r2 = x * x + y * y;
+  for (int step = 1; step <= 20; ++step) {  // the distorted radius must grow all the way
+    const double s = r2 * step / 20;
+    if (1 + s * (3 * c.k1 + s * (5 * c.k2 + s * 7 * c.k3)) <= 0) return std::nullopt;
+  }
+  const double radial = 1 + r2 * (c.k1 + r2 * (c.k2 + r2 * c.k3));
+  const double distorted_x = x * radial + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x * x);
+  const double distorted_y = y * radial + c.p1 * (r2 + 2 * y * y) + 2 * c.p2 * x * y;
+  return Eigen::Vector2d(c.fx * distorted_x + c.cx, c.fy * distorted_y + c.cy);
+}
+
+bool in_picture(const CameraIntrinsics& c, const std::optional<Eigen::Vector2d>& pixel) {
+  const double margin = kMarginShare * c.height_px;
+  return pixel && pixel->minCoeff() >= margin && pixel->x() <= c.width_px - 1 - margin &&
+         pixel->y() <= c.height_px - 1 - margin;
+}
+
+/// Points of the marker with its white border, in the finger frame.
+std::vector<Vector3d> marker_points(const FingerSpec& spec, int plate, const Isometry3d& motion) {
+  const double half_mm = spec.marker_size_mm * (0.5 + 1.0 / 6);
+  std::vector<Vector3d> points;
+  for (int v = 0; v < kSamples; ++v) {
+    for (int u = 0; u < kSamples; ++u) {
+      const Vector3d on_marker(half_mm * (2.0 * u / (kSamples - 1) - 1), half_mm * (2.0 * v / (kSamples - 1) - 1), 0);
+      points.push_back(motion * (spec.plates[plate].T_finger_marker * on_marker));
+    }
+  }
+  return points;
+}
+
+/// What keeps the camera from seeing the marker, in words; nothing if it sees it whole.
+std::optional<std::string> obstacle(const FingerSpec& spec, const FingerGrid& grid, int plate, const Isometry3d& motion,
+                                    const std::vector<Triangle>& surface) {
+  const Vector3d camera = spec.T_finger_camera.translation();
+  const Isometry3d T_camera_finger = spec.T_finger_camera.inverse();
+  const Vector3d normal = motion.linear() * spec.plates[plate].T_finger_marker.linear().col(2);
+  for (const Vector3d& point : marker_points(spec, plate, motion)) {
+    const Vector3d ray = point - camera;
+    if (-ray.dot(normal) < kSmallestFacingCosine * ray.norm()) return "turned away from the camera";
+    for (const CameraIntrinsics& c : spec.cameras) {
+      if (in_picture(c, project(c, T_camera_finger * point))) continue;
+      return "outside the picture of " + std::to_string(c.width_px) + "x" + std::to_string(c.height_px);
+    }
+    double nearest = 1;
+    const Triangle* first = nullptr;
+    for (const Triangle& triangle : surface) {
+      if (grid.label(triangle.cell) == kFirstPlate + plate) continue;
+      const std::optional<double> share = hit(triangle, camera, ray);
+      if (!share || *share <= 0 || *share >= nearest) continue;
+      nearest = *share;
+      first = &triangle;
+    }
+    if (first) return "hidden by " + grid.part_name(first->cell);
+  }
+  return std::nullopt;
+}
+
+std::string described(const WorkingRange& range, const Pose& pose) {
+  if (pose.share == 0) return "at rest";
+  const double deg = pose.share * 180 / std::numbers::pi;
+  std::ostringstream text;
+  text << "when moved inward by " << pose.share * range.inward_mm << " mm and sideways by "
+       << pose.share * pose.sideways * range.sideways_mm << " mm, rotated about x, y, z by "
+       << deg * pose.tilt_x * range.tilt_rad << ", " << deg * pose.turn * range.turn_rad << ", "
+       << deg * pose.tilt_z * range.tilt_rad << " deg";
+  return text.str();
+}
+
+}  // namespace
+
+void check_visibility(const FingerSpec& spec) {
+  const FingerGrid grid = make_grid(spec);
+  for (const Pose& pose : poses_to_check()) {
+    const std::vector<Triangle> surface = moved_surface(grid, Bending(spec, pose));
+    for (int plate = 0; plate < kPlates; ++plate) {
+      const PlateSpec& p = spec.plates[plate];
+      if (const auto reason = obstacle(spec, grid, plate, plate_motion(p, pose), surface)) {
+        throw InputError(spec.file.string(), std::string("plates.") + kPlateNames[plate],
+                         "a marker " + *reason + " " + described(p.range, pose),
+                         "one that the camera sees whole, with its white border");
+      }
+    }
+  }
+}
+
+}  // namespace finsight::host

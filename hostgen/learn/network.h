@@ -1,0 +1,51 @@
+// A small multilayer perceptron and its Adam trainer, on Eigen: about 1 ms per step of 128 samples at 22-512-256-11.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "hostgen/learn/random.h"
+
+namespace finsight::host {
+
+/// Dense layers with ReLU between them and none after the last. Samples are columns.
+class Network {
+ public:
+  struct Layer {
+    Eigen::MatrixXf weights;  ///< [outputs, inputs]
+    Eigen::VectorXf bias;     ///< [outputs]
+  };
+
+  /// `widths`: inputs, hidden ..., outputs. Normal weights of variance 2 / inputs (He et al. 2015), biases 0.
+  Network(const std::vector<int>& widths, Random& random);
+
+  /// [outputs, samples]. Keeps the activations for backward().
+  const Eigen::MatrixXf& forward(const Eigen::Ref<const Eigen::MatrixXf>& inputs);
+  /// `loss_by_output`: derivative of the loss by every output of the last forward(). Fills gradients().
+  void backward(const Eigen::Ref<const Eigen::MatrixXf>& loss_by_output);
+
+  std::vector<Layer>& layers() { return layers_; }
+  const std::vector<Layer>& layers() const { return layers_; }
+  const std::vector<Layer>& gradients() const { return gradients_; }
+
+ private:
+  std::vector<Layer> layers_, gradients_;
+  std::vector<Eigen::MatrixXf> activations_;  // inputs, after each layer; the last has no ReLU
+  Eigen::MatrixXf slope_, next_slope_;        // loss by the sums of one layer
+};
+
+/// Adam (Kingma & Ba 2015) with its usual constants 0.9, 0.999, 1e-8.
+class Adam {
+ public:
+  explicit Adam(const Network& network);
+  void step(Network& network, float rate);
+
+ private:
+  std::vector<Network::Layer> mean_, square_;
+  int steps_ = 0;
+};
+
+/// Learning rate that falls from `peak` to 0 along half a cosine, after a linear rise over the first 2 % of the steps.
+float cosine_rate(float peak, int step, int steps);
+
+}  // namespace finsight::host

@@ -1,0 +1,45 @@
+// The Gaussian over plate motions; declared in touch_training.h.
+#include <Eigen/Core>
+
+#include "hostgen/learn/state_interpolant.h"
+#include "hostgen/learn/touch_training.h"
+
+namespace finsight::host {
+
+namespace {
+
+// The finger starts from rest and passes all smaller loads: every state also counts at these fractions of itself.
+constexpr double kFractions[] = {0.0, 0.25, 0.5, 0.75, 1.0};
+// The prior is over measured motions. This much measurement noise makes the covariance positive definite (the states
+// lie near a three-dimensional surface) and keeps the completion of unseen plates from amplifying noise.
+constexpr double kNoise_mm = 0.1, kNoise_rad = 0.005;
+
+}  // namespace
+
+PlatePrior PlatePriorData::view() const { return {mean, covariance}; }
+
+PlatePriorData fit_plate_prior(const FemDataset& dataset) {
+  Eigen::Matrix<double, 18, 1> sum = Eigen::Matrix<double, 18, 1>::Zero();
+  Eigen::Matrix<double, 18, 18> squares = Eigen::Matrix<double, 18, 18>::Zero();
+  double count = 0;
+  for (const FemState& state : dataset.states) {
+    if (!state.valid) continue;
+    const Eigen::Matrix<double, 18, 1> numbers = touch_sample(state).numbers.cast<double>();
+    for (const double fraction : kFractions) {
+      sum += fraction * numbers;
+      squares += fraction * fraction * numbers * numbers.transpose();
+      count += 1;
+    }
+  }
+  if (count == 0) throw std::runtime_error("training set: no valid state, so no prior over the plate motions");
+  const Eigen::Matrix<double, 18, 1> mean = sum / count;
+  Eigen::Matrix<double, 18, 18> covariance = squares / count - mean * mean.transpose();
+  for (int i = 0; i < 18; ++i) covariance(i, i) += i % 6 < 3 ? kNoise_mm * kNoise_mm : kNoise_rad * kNoise_rad;
+
+  PlatePriorData prior;
+  for (int i = 0; i < 18; ++i) prior.mean.push_back(static_cast<float>(mean[i]));
+  for (const double value : covariance.reshaped()) prior.covariance.push_back(static_cast<float>(value));
+  return prior;
+}
+
+}  // namespace finsight::host

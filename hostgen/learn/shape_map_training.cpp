@@ -1,0 +1,99 @@
+#include "hostgen/learn/shape_map_training.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "hostgen/learn/random.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr int kNumbers = 18;
+// Relative to the mean size of a feature. Small enough for an exact quadratic map to be found to 1e-4 of its size.
+constexpr double kRidge = 1e-6;
+
+// The leading right singular vectors as rows, by subspace iteration (Halko et al. 2011): the spectrum falls fast, so
+// that a few rounds with some spare vectors are exact to float.
+Eigen::MatrixXf leading_directions(const Eigen::MatrixXf& samples, int rank) {
+  constexpr int kSpare = 10, kRounds = 8;
+  const int width = static_cast<int>(std::min<Eigen::Index>({rank + kSpare, samples.rows(), samples.cols()}));
+  Random random(1);
+  Eigen::MatrixXf directions(samples.cols(), width);
+  for (float& value : directions.reshaped()) value = static_cast<float>(random.normal());
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::MatrixXf images = samples.transpose() * (samples * directions);
+    const Eigen::HouseholderQR<Eigen::MatrixXf> qr(images);
+    directions = qr.householderQ() * Eigen::MatrixXf::Identity(samples.cols(), width);
+  }
+  const Eigen::MatrixXd projected = (samples * directions).cast<double>();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(projected.transpose() * projected);  // ascending
+  const Eigen::MatrixXf turn = solver.eigenvectors().rowwise().reverse().leftCols(rank).cast<float>();
+  return (directions * turn).transpose();
+}
+
+// One over the largest size of each number, displacements and rotations each compared with their own largest: a number
+// that hardly moves must not be blown up.
+std::vector<float> pose_scale(const Eigen::MatrixXf& poses) {
+  constexpr float kSmallest = 0.05f;
+  std::vector<float> largest(kNumbers);
+  float of_kind[2] = {0, 0};
+  for (std::size_t i = 0; i < kNumbers; ++i) {
+    largest[i] = poses.col(static_cast<int>(i)).cwiseAbs().maxCoeff();
+    of_kind[i % 6 / 3] = std::max(of_kind[i % 6 / 3], largest[i]);
+  }
+  std::vector<float> scale(kNumbers);
+  for (std::size_t i = 0; i < kNumbers; ++i) {
+    const float size = std::max(largest[i], kSmallest * of_kind[i % 6 / 3]);
+    scale[i] = size > 0 ? 1.0f / size : 1.0f;
+  }
+  return scale;
+}
+
+// The features of ShapeMapModel without the constant one.
+Eigen::MatrixXd features(const Eigen::MatrixXf& poses, const std::vector<float>& scale) {
+  const Eigen::Map<const Eigen::RowVectorXf> factors(scale.data(), kNumbers);
+  const Eigen::MatrixXd x = (poses.array().rowwise() * factors.array()).matrix().cast<double>();
+  Eigen::MatrixXd result(poses.rows(), ShapeMapModel::kFeatures - 1);
+  result.leftCols(kNumbers) = x;
+  int column = kNumbers;
+  for (int i = 0; i < kNumbers; ++i) {
+    for (int j = i; j < kNumbers; ++j) result.col(column++) = x.col(i).cwiseProduct(x.col(j));
+  }
+  return result;
+}
+
+}  // namespace
+
+ShapeMapModel ShapeMapData::view() const { return {rank, scale, weights, basis}; }
+
+ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& displacement_mm, int rank) {
+  if (poses.cols() != kNumbers || poses.rows() != displacement_mm.rows() || poses.rows() < 1 || rank < 1 ||
+      rank > std::min(displacement_mm.rows(), displacement_mm.cols())) {
+    throw std::invalid_argument("shape map: needs 18 plate numbers and one displacement per sample, and a rank of at "
+                                "most the number of samples");
+  }
+  ShapeMapData map;
+  map.rank = rank;
+  map.scale = pose_scale(poses);
+  const Eigen::MatrixXf basis = leading_directions(displacement_mm, rank);
+
+  const Eigen::MatrixXd x = features(poses, map.scale);
+  const Eigen::MatrixXd coordinates = (displacement_mm * basis.transpose()).cast<double>();
+  Eigen::MatrixXd normal = x.transpose() * x;
+  normal.diagonal().array() += kRidge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-30);
+  const Eigen::MatrixXd weights = normal.ldlt().solve(x.transpose() * coordinates).transpose();  // [rank, features - 1]
+
+  for (int r = 0; r < rank; ++r) {
+    map.weights.push_back(0.0f);  // of the constant feature: rest stays at rest exactly
+    for (const double weight : weights.row(r)) map.weights.push_back(static_cast<float>(weight));
+    map.basis.insert(map.basis.end(), basis.row(r).begin(), basis.row(r).end());
+  }
+  return map;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,168 @@
+#include "hostgen/learn/touch_network.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "firmware/touch/features.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr int kMeans = 7;                                      // point, displacement, force
+constexpr std::array<int, 4> kWithSigma = {0, 1, 2, 6};        // those with a log-sigma, at output kMeans + index
+constexpr float kMillimetresPerRadian = 28.65f;  // half a millimetre per degree: the lever of a plate's edge
+constexpr float kPeakRate = 2e-3f;
+constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 256, TouchModel::kOutputs};
+
+// Mean and standard deviation of every row; a row that does not vary keeps its size.
+void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vector<float>& sigma) {
+  for (int i = 0; i < rows.rows(); ++i) {
+    const Eigen::ArrayXd row = rows.row(i).transpose().cast<double>();
+    const double centre = row.mean();
+    const double spread = std::sqrt((row - centre).square().mean());
+    mean.push_back(static_cast<float>(centre));
+    sigma.push_back(spread > 1e-6 ? static_cast<float>(spread) : 1.0f);
+  }
+}
+
+// Measures random touches: noise, missing plates, features. One column of inputs and targets per touch.
+class Measurements {
+ public:
+  Measurements(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
+               const PlatePrior& prior, Random& random)
+      : touches_(touches), noise_(noise), prior_(prior), random_(random) {}
+
+  void draw(const TouchModel& model, Eigen::MatrixXf& inputs, Eigen::MatrixXf& targets) {
+    for (int column = 0; column < inputs.cols(); ++column) {
+      const TouchSample& touch = touches_[random_.index(touches_.size())];
+      PlateNumbers numbers = touch.numbers;
+      add_noise(noise_, random_, numbers);
+      const std::array<bool, kPlates> seen = draw_seen(random_);
+      complete_from_prior(prior_, seen, numbers);
+      touch_features(model, numbers, seen,
+                     std::span<float, TouchModel::kInputs>(inputs.col(column).data(), TouchModel::kInputs));
+      targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_n;
+    }
+  }
+
+ private:
+  const std::vector<TouchSample>& touches_;
+  const std::array<PoseNoise, kPlates>& noise_;
+  const PlatePrior& prior_;
+  Random& random_;
+};
+
+// Inputs and outputs of about one: statistics of measured touches. The flags count from "seen", so that in the usual
+// case they add nothing.
+TouchModelData fit_normalisation(Measurements& measurements) {
+  constexpr int kDraws = 4096;
+  TouchModelData model;
+  for (int i = 0; i < 18; ++i) model.scale.push_back(i % 6 < 3 ? 1.0f : kMillimetresPerRadian);
+  model.input_mean.assign(TouchModel::kInputs, 0.0f);
+  model.input_scale.assign(TouchModel::kInputs, 1.0f);
+  Eigen::MatrixXf inputs(TouchModel::kInputs, kDraws), targets(kMeans, kDraws);
+  TouchModel raw = model.view();
+  measurements.draw(raw, inputs, targets);
+
+  std::vector<float> sigma;
+  model.input_mean.clear();
+  statistics(inputs, model.input_mean, sigma);
+  for (std::size_t i = 0; i < sigma.size(); ++i) model.input_scale[i] = 1.0f / sigma[i];
+  for (std::size_t i = 19; i < TouchModel::kInputs; ++i) model.input_mean[i] = model.input_scale[i] = 1.0f;
+  statistics(targets, model.output_mean, model.output_scale);
+  for (const int mean : kWithSigma) {
+    model.output_mean.push_back(std::log(model.output_scale[static_cast<std::size_t>(mean)]));
+    model.output_scale.push_back(1.0f);
+  }
+  return model;
+}
+
+}  // namespace
+
+TouchModel TouchModelData::view() const {
+  TouchModel model{scale, input_mean, input_scale, output_mean, output_scale, {}, threshold_mm};
+  for (std::size_t l = 0; l < 3; ++l) {
+    model.layers[l] = {widths[l], widths[l + 1], weights[l], weight_scale[l], bias[l]};
+  }
+  return model;
+}
+
+void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
+                         Eigen::MatrixXf& gradient) {
+  // One wild sample must not throw the predicted deviations off.
+  constexpr float kLargestSquare = 25.0f;
+  const float share = 1.0f / static_cast<float>(outputs.cols());
+  gradient.setZero(outputs.rows(), outputs.cols());
+  gradient.topRows<kMeans>() = share * (outputs.topRows<kMeans>() - targets);
+  if (!likelihood) return;
+  for (int s = 0; s < outputs.cols(); ++s) {
+    const float force_sigma = std::exp(outputs(kMeans + 3, s));
+    gradient.col(s).segment<3>(3) /= force_sigma;
+    for (int k = 0; k < static_cast<int>(kWithSigma.size()); ++k) {
+      const int mean = kWithSigma[static_cast<std::size_t>(k)];
+      const float sigma = std::exp(outputs(kMeans + k, s));
+      const float error = (outputs(mean, s) - targets(mean, s)) / sigma;
+      gradient(mean, s) = share * error;
+      gradient(kMeans + k, s) = share * sigma * (1.0f - std::min(error * error, kLargestSquare));
+    }
+  }
+}
+
+TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
+                                 const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
+                                 const std::function<void()>& tick) {
+  Random random(seed);
+  Measurements measurements(touches, noise, prior, random);
+  TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, random), fit_normalisation(measurements)};
+  TouchModelData& model = trained.model;
+  model.widths = kWidths;
+  const TouchModel view = model.view();
+  const Eigen::Map<const Eigen::ArrayXf> mean(model.output_mean.data(), kMeans), scale(model.output_scale.data(), kMeans);
+
+  Adam adam(trained.network);
+  Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kMeans, plan.batch), gradient;
+  for (int step = 0; step < plan.steps; ++step) {
+    measurements.draw(view, inputs, targets);
+    targets = ((targets.array().colwise() - mean).colwise() / scale).matrix();
+    touch_loss_gradient(trained.network.forward(inputs), targets, step >= plan.steps / 5, gradient);
+    trained.network.backward(gradient);
+    adam.step(trained.network, cosine_rate(kPeakRate, step, plan.steps));
+    tick();
+  }
+  return trained;
+}
+
+void quantise(TouchNetwork& trained) {
+  constexpr float kLargest = 127.0f;
+  for (std::size_t l = 0; l < 3; ++l) {
+    const Network::Layer& layer = trained.network.layers()[l];
+    TouchModelData& model = trained.model;
+    model.weights[l].clear();
+    model.weight_scale[l].clear();
+    for (int o = 0; o < layer.weights.rows(); ++o) {
+      const float largest = layer.weights.row(o).cwiseAbs().maxCoeff();
+      const float scale = largest > 0 ? largest / kLargest : 1.0f;
+      for (const float weight : layer.weights.row(o)) {
+        model.weights[l].push_back(static_cast<std::int8_t>(std::lround(weight / scale)));
+      }
+      model.weight_scale[l].push_back(scale);
+    }
+    model.bias[l].assign(layer.bias.begin(), layer.bias.end());
+  }
+}
+
+Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PlateNumbers& numbers,
+                                                       const std::array<bool, kPlates>& seen) {
+  const TouchModel model = trained.model.view();
+  Eigen::Matrix<float, TouchModel::kInputs, 1> inputs;
+  touch_features(model, numbers, seen, std::span<float, TouchModel::kInputs>(inputs.data(), TouchModel::kInputs));
+  Eigen::Matrix<float, TouchModel::kOutputs, 1> outputs = trained.network.forward(inputs);
+  for (int i = 0; i < TouchModel::kOutputs; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    outputs[i] = model.output_mean[k] + model.output_scale[k] * outputs[i];
+  }
+  return outputs;
+}
+
+}  // namespace finsight::host

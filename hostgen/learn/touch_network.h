@@ -1,0 +1,42 @@
+// One training of the touch network, and its quantisation.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "hostgen/learn/network.h"
+#include "hostgen/learn/touch_samples.h"
+#include "hostgen/learn/touch_training.h"
+
+namespace finsight::host {
+
+/// A float network with the normalisation of its inputs and outputs.
+struct TouchNetwork {
+  Network network;
+  TouchModelData model;  ///< everything but the weights, until quantise()
+};
+
+/// Trains on `touches`, each time with fresh pose noise and sometimes without some plates.
+///
+/// Loss: of the seven means (point, displacement, force) the squared error in the first fifth of the steps; then, for
+/// the three coordinates of the point and the force, the Gaussian negative log-likelihood with the predicted standard
+/// deviation, weighted by that deviation (beta-NLL with beta = 0.5, Seitzer et al. 2022), so that samples that tell
+/// little about the touch neither dominate nor vanish. The displacement takes part with the force's weight.
+/// `tick` is called after every step; it may throw to stop.
+TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
+                                 const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
+                                 const std::function<void()>& tick);
+
+/// Derivative of that loss by the network's raw outputs, both [TouchModel::kOutputs, samples]; `targets` is
+/// [7, samples], normalised. `likelihood` chooses the second part of the training.
+void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
+                         Eigen::MatrixXf& gradient);
+
+/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`.
+void quantise(TouchNetwork& trained);
+
+/// The float network's eleven numbers in physical units, for one pose.
+Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PlateNumbers& numbers,
+                                                       const std::array<bool, kPlates>& seen);
+
+}  // namespace finsight::host

@@ -1,0 +1,158 @@
+#include "hostgen/learn/touch_score.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "firmware/touch/touch_stage.h"
+
+namespace finsight::host {
+
+namespace {
+
+// Value below which `share` of the numbers lie; 1 if there are none.
+double quantile(std::vector<double> numbers, double share) {
+  if (numbers.empty()) return 1.0;
+  const auto rank = static_cast<std::ptrdiff_t>(share * static_cast<double>(numbers.size() - 1) + 0.5);
+  std::nth_element(numbers.begin(), numbers.begin() + rank, numbers.end());
+  return numbers[static_cast<std::size_t>(rank)];
+}
+
+double radii(const TouchTrial& trial) {
+  return static_cast<double>(trial.error_mm.norm()) / static_cast<double>(trial.radius_68_mm);
+}
+
+PlatePoses poses_of(const PlateNumbers& numbers, const std::array<bool, kPlates>& seen) {
+  PlatePoses poses;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    poses.plates[p] = {numbers.segment<3>(6 * static_cast<int>(p)), numbers.segment<3>(6 * static_cast<int>(p) + 3)};
+  }
+  poses.seen = seen;
+  poses.quality = Quality::kFresh;
+  return poses;
+}
+
+}  // namespace
+
+std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemState>& states,
+                                   const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
+                                   const std::array<bool, kPlates>& seen, int repeats, std::uint64_t seed) {
+  TouchModel model = trained.model.view();
+  model.threshold_mm = 0;  // the trials below it are asked for, too
+  TouchStage stage(model);
+  Random random(seed);
+  std::vector<TouchTrial> trials;
+  for (const FemState& state : states) {
+    for (int repeat = 0; repeat < repeats; ++repeat) {
+      PlateNumbers numbers = touch_sample(state).numbers;
+      add_noise(noise, random, numbers);
+      complete_from_prior(prior, seen, numbers);
+      const Touch& touch = stage.locate(poses_of(numbers, seen));
+      const Vec3f float_point_mm = evaluate(trained, numbers, seen).head<3>();
+      trials.push_back({state.path, state.point_mm, touch.point_mm - state.point_mm, touch.plate_motion_mm,
+                        touch.radius_68_mm, touch.force_n - state.force_n, touch.force_sigma_n,
+                        (touch.point_mm - float_point_mm).norm()});
+    }
+  }
+  return trials;
+}
+
+Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  std::vector<double> radius, force;
+  for (const TouchTrial& trial : trials) {
+    if (trial.plate_motion_mm < threshold_mm) continue;
+    radius.push_back(radii(trial));
+    force.push_back(static_cast<double>(std::abs(trial.force_error_n) / trial.force_sigma_n));
+  }
+  return {quantile(std::move(radius), 0.68), quantile(std::move(force), 0.6827)};
+}
+
+// The network answers logarithms of standard deviations, so a factor is an addition to their means.
+void apply(const Calibration& calibration, TouchModelData& model) {
+  for (std::size_t i = 7; i < 10; ++i) model.output_mean[i] += static_cast<float>(std::log(calibration.radius));
+  model.output_mean[10] += static_cast<float>(std::log(calibration.force));
+}
+
+TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  TouchScore score;
+  Eigen::Array3d error_sq = Eigen::Array3d::Zero(), truth = error_sq, truth_sq = error_sq;
+  double force_sq = 0, above_4_mm = 0, inside = 0, inside_twice = 0;
+  for (const TouchTrial& trial : trials) {
+    if (trial.plate_motion_mm < threshold_mm) continue;
+    ++score.touches;
+    const double error_mm = static_cast<double>(trial.error_mm.norm());
+    error_sq += trial.error_mm.array().cast<double>().square();
+    truth += trial.truth_mm.array().cast<double>();
+    truth_sq += trial.truth_mm.array().cast<double>().square();
+    force_sq += static_cast<double>(trial.force_error_n) * static_cast<double>(trial.force_error_n);
+    score.mean_mm += error_mm;
+    inside += radii(trial) <= 1.0;
+    inside_twice += radii(trial) <= 2.0;
+    if (trial.plate_motion_mm < 4.0f) continue;
+    score.mean_above_4_mm += error_mm;
+    ++above_4_mm;
+  }
+  const double count = std::max<double>(1.0, static_cast<double>(score.touches));
+  const Eigen::Array3d variance = truth_sq / count - (truth / count).square();
+  for (int i = 0; i < 3; ++i) {
+    score.rmse_mm[static_cast<std::size_t>(i)] = std::sqrt(error_sq[i] / count);
+    score.r2[static_cast<std::size_t>(i)] = variance[i] > 0 ? 1.0 - error_sq[i] / count / variance[i] : 0.0;
+  }
+  score.mean_mm /= count;
+  score.mean_above_4_mm /= std::max(1.0, above_4_mm);
+  score.force_rmse_n = std::sqrt(force_sq / count);
+  score.coverage_68 = inside / count;
+  score.coverage_95 = inside_twice / count;
+  return score;
+}
+
+std::array<double, 2> cross_coverage(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  std::vector<std::int32_t> paths;
+  for (const TouchTrial& trial : trials) paths.push_back(trial.path);
+  std::sort(paths.begin(), paths.end());
+  paths.erase(std::unique(paths.begin(), paths.end()), paths.end());
+  std::array<std::vector<TouchTrial>, 2> halves;
+  for (const TouchTrial& trial : trials) {
+    const auto place = std::lower_bound(paths.begin(), paths.end(), trial.path) - paths.begin();
+    halves[static_cast<std::size_t>(place % 2)].push_back(trial);
+  }
+  double inside = 0, inside_twice = 0, count = 0;
+  for (std::size_t half = 0; half < 2; ++half) {
+    const double radius = calibrate(halves[1 - half], threshold_mm).radius;
+    for (const TouchTrial& trial : halves[half]) {
+      if (trial.plate_motion_mm < threshold_mm) continue;
+      inside += radii(trial) <= radius;
+      inside_twice += radii(trial) <= 2.0 * radius;
+      ++count;
+    }
+  }
+  return {inside / std::max(1.0, count), inside_twice / std::max(1.0, count)};
+}
+
+std::string error_table(const std::vector<TouchTrial>& trials) {
+  constexpr double kEdges_mm[] = {0, 1, 2, 4, 7, 12, 1000};
+  std::string table;
+  for (std::size_t band = 0; band + 1 < std::size(kEdges_mm); ++band) {
+    std::vector<double> errors;
+    double sum = 0, inside = 0, inside_twice = 0;
+    for (const TouchTrial& trial : trials) {
+      if (trial.plate_motion_mm < kEdges_mm[band] || trial.plate_motion_mm >= kEdges_mm[band + 1]) continue;
+      errors.push_back(static_cast<double>(trial.error_mm.norm()));
+      sum += errors.back();
+      inside += radii(trial) <= 1.0;
+      inside_twice += radii(trial) <= 2.0;
+    }
+    if (errors.empty()) continue;
+    const double count = static_cast<double>(errors.size());
+    char line[160];
+    std::snprintf(line, sizeof line,
+                  "  plate motion from %4.0f mm: %6.0f touches, mean error %5.2f mm, 95 %% %6.2f mm, inside radius %2.0f "
+                  "%%, inside twice %2.0f %%\n",
+                  kEdges_mm[band], count, sum / count, quantile(errors, 0.95), 100 * inside / count,
+                  100 * inside_twice / count);
+    table += line;
+  }
+  return table;
+}
+
+}  // namespace finsight::host

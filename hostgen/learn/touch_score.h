@@ -1,0 +1,41 @@
+// Measures a trained touch network through the firmware's own touch stage.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hostgen/learn/touch_network.h"
+
+namespace finsight::host {
+
+/// One state, measured once.
+struct TouchTrial {
+  std::int32_t path = 0;
+  Vec3f truth_mm = Vec3f::Zero(), error_mm = Vec3f::Zero();
+  float plate_motion_mm = 0, radius_68_mm = 0, force_error_n = 0, force_sigma_n = 0;
+  float quantisation_mm = 0;  ///< distance between the float network's point and the published one
+};
+
+/// Measures every state `repeats` times with `noise` and `seen` plates, and locates it with the quantised network, also
+/// below the threshold.
+std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemState>& states,
+                                   const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
+                                   const std::array<bool, kPlates>& seen, int repeats, std::uint64_t seed);
+
+/// By what the published radius and the force's standard deviation must be multiplied to hold 68 % of the errors of
+/// trials at or above the threshold; 1 if there are none.
+struct Calibration {
+  double radius = 1, force = 1;
+};
+Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm);
+void apply(const Calibration& calibration, TouchModelData& model);
+
+/// Errors and coverage of the trials at or above the threshold.
+TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm);
+/// Shares inside one and two radii when each half of the contact points is calibrated on the other half.
+std::array<double, 2> cross_coverage(const std::vector<TouchTrial>& trials, double threshold_mm);
+
+/// Lines "plate motion from ... to ...: touches, mean, 95 % error, coverage" for the log.
+std::string error_table(const std::vector<TouchTrial>& trials);
+
+}  // namespace finsight::host

@@ -1,0 +1,157 @@
+#include "hostgen/learn/touch_training.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <numeric>
+#include <optional>
+
+#include "hostgen/common.h"
+#include "hostgen/learn/touch_score.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr std::size_t kTouches = 30000;  // drawn between the states; each is measured anew about 25 times
+constexpr std::int32_t kFold = 5;        // one in so many states or points is held out
+constexpr int kNoisyRepeats = 20;
+constexpr std::array<bool, kPlates> kAllSeen = {true, true, true};
+
+struct Split {
+  std::vector<FemState> train, test;
+};
+
+Split without_points(const std::vector<FemState>& states) {
+  std::vector<std::int32_t> paths;
+  for (const FemState& state : states) paths.push_back(state.path);
+  paths.erase(std::unique(paths.begin(), paths.end()), paths.end());
+  Split split;
+  for (const FemState& state : states) {
+    const auto place = std::lower_bound(paths.begin(), paths.end(), state.path) - paths.begin();
+    (place % kFold == kFold / 2 ? split.test : split.train).push_back(state);
+  }
+  return split;
+}
+
+Split without_states(const std::vector<FemState>& states, Random random) {
+  std::vector<std::size_t> order(states.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random.index(i)]);
+  std::vector<bool> held_out(states.size());
+  for (std::size_t i = 0; i < order.size() / kFold; ++i) held_out[order[i]] = true;
+  Split split;
+  for (std::size_t i = 0; i < states.size(); ++i) (held_out[i] ? split.test : split.train).push_back(states[i]);
+  return split;
+}
+
+std::string line(const char* name, const TouchScore& score) {
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "%s: %zu touches, RMSE x %.2f y %.2f z %.2f mm, R2 %.4f %.4f %.4f, mean %.2f mm (from 4 mm of plate "
+                "motion %.2f mm), force %.2f N, inside radius %.1f %%, inside twice %.1f %%\n",
+                name, score.touches, score.rmse_mm[0], score.rmse_mm[1], score.rmse_mm[2], score.r2[0], score.r2[1],
+                score.r2[2], score.mean_mm, score.mean_above_4_mm, score.force_rmse_n, 100 * score.coverage_68,
+                100 * score.coverage_95);
+  return text;
+}
+
+std::vector<FemState> valid_states(const FemDataset& dataset) {
+  std::vector<FemState> states;
+  for (const FemState& state : dataset.states) {
+    if (state.valid && state.force_n > 0) states.push_back(state);
+  }
+  std::stable_sort(states.begin(), states.end(),
+                   [](const FemState& a, const FemState& b) { return a.path < b.path; });
+  return states;
+}
+
+// A network with its test states; quantised and with its threshold, not yet calibrated.
+struct Run {
+  Split split;
+  double leave_one_out_mm = 0;
+  std::optional<TouchNetwork> trained;
+
+  std::vector<TouchTrial> clean_trials(const PlatePrior& prior) {
+    return run_trials(*trained, split.test, {}, prior, kAllSeen, 1, 0);
+  }
+  std::vector<TouchTrial> noisy_trials(const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed,
+                                       const std::array<bool, kPlates>& seen = kAllSeen) {
+    return run_trials(*trained, split.test, spec.noise, prior, seen, kNoisyRepeats, seed);
+  }
+};
+
+void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const TouchTrainingPlan& plan,
+           std::uint64_t seed, Progress& progress) {
+  const StateInterpolant interpolant(run.split.train);
+  run.leave_one_out_mm = interpolant.leave_one_out_mm();
+  Random random(seed);
+  const std::vector<TouchSample> touches = draw_touches(spec, interpolant, kTouches, random);
+  run.trained = train_touch_network(touches, spec.noise, prior, plan, seed + 1, [&] {
+    if (interrupted()) throw Interrupted();
+    progress.advance();
+  });
+  quantise(*run.trained);
+  run.trained->model.threshold_mm = static_cast<float>(spec.threshold_mm);
+}
+
+std::string missing_plates_table(Run& run, const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
+  constexpr const char* kNames[kPlates] = {"top", "middle", "low"};
+  std::string table;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    table += line((std::string("held-out points, noisy, only the ") + kNames[p] + " plate seen").c_str(),
+                  score(run.noisy_trials(spec, prior, seed, {p == 0, p == 1, p == 2}), spec.threshold_mm));
+  }
+  return table;
+}
+
+}  // namespace
+
+TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior_data,
+                          const TouchTrainingPlan& plan) {
+  const PlatePrior prior = prior_data.view();
+  const std::vector<FemState> states = valid_states(dataset);
+  const std::uint64_t seed = 1000 * plan.seed;
+  std::array<Run, 3> runs;
+  auto& [random_run, points_run, final_run] = runs;
+  random_run.split = without_states(states, Random(seed));
+  points_run.split = without_points(states);
+  final_run.split.train = states;
+  Progress progress("touch network", runs.size() * static_cast<std::size_t>(plan.steps));
+  parallel_for(runs.size(), [&](std::size_t i) { train(runs[i], spec, prior, plan, seed + 10 * i, progress); });
+
+  TouchTraining result;
+  apply(calibrate(random_run.noisy_trials(spec, prior, seed), spec.threshold_mm), random_run.trained->model);
+  result.random_clean = score(random_run.clean_trials(prior), spec.threshold_mm);
+
+  const Calibration calibration = calibrate(points_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
+  apply(calibration, points_run.trained->model);
+  apply(calibration, final_run.trained->model);
+  const std::vector<TouchTrial> noisy = points_run.noisy_trials(spec, prior, seed);
+  result.held_out_clean = score(points_run.clean_trials(prior), spec.threshold_mm);
+  result.held_out_noisy = score(noisy, spec.threshold_mm);
+  const auto [coverage_68, coverage_95] = cross_coverage(noisy, spec.threshold_mm);
+  result.held_out_noisy.coverage_68 = coverage_68;
+  result.held_out_noisy.coverage_95 = coverage_95;
+  double published = 0;
+  for (const TouchTrial& trial : noisy) {
+    if (trial.plate_motion_mm < spec.threshold_mm) continue;
+    result.quantisation_loss_mm += static_cast<double>(trial.quantisation_mm);
+    ++published;
+  }
+  result.quantisation_loss_mm /= std::max(1.0, published);
+  result.model = final_run.trained->model;
+
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "%zu states; interpolant: leaving one contact point out, a plate is %.3f mm (RMS) off\n"
+                "calibration: radius times %.2f, force deviation times %.2f; int8 moves the point by %.3f mm (mean)\n",
+                states.size(), final_run.leave_one_out_mm, calibration.radius, calibration.force,
+                result.quantisation_loss_mm);
+  result.log = text + line("held-out states, clean", result.random_clean) +
+               line("held-out points, clean", result.held_out_clean) +
+               line("held-out points, noisy", result.held_out_noisy) + error_table(noisy) +
+               missing_plates_table(points_run, spec, prior, seed);
+  return result;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,64 @@
+// Trains the touch network on finite-element states with pose noise, and quantises it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "firmware/model/model.h"
+#include "hostgen/fem/dataset.h"
+
+namespace finsight::host {
+
+/// Owns what a PlatePrior views.
+struct PlatePriorData {
+  std::vector<float> mean, covariance;
+  PlatePrior view() const;
+};
+/// Gaussian over the measured plate numbers of all valid states and their scaled-down copies (the finger starts from
+/// rest). Positive definite. Throws std::runtime_error if no state is valid.
+PlatePriorData fit_plate_prior(const FemDataset& dataset);
+
+/// Owns what a TouchModel views.
+struct TouchModelData {
+  std::vector<float> scale, input_mean, input_scale, output_mean, output_scale;
+  std::array<std::vector<std::int8_t>, 3> weights;
+  std::array<std::vector<float>, 3> weight_scale, bias;
+  std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
+  float threshold_mm = 0;
+  TouchModel view() const;
+};
+
+/// Errors of the published (int8) touches on states that training has not seen: those whose measured plate motion
+/// reaches the threshold. Arrays: x, y, z of the touched point.
+struct TouchScore {
+  std::array<double, 3> rmse_mm{}, r2{};
+  double mean_mm = 0, force_rmse_n = 0;
+  double mean_above_4_mm = 0;                 ///< mean error where a plate has moved 4 mm or more
+  double coverage_68 = 0, coverage_95 = 0;  ///< share of errors inside one and two published radii
+  std::size_t touches = 0;                    ///< how many were published
+};
+
+struct TouchTraining {
+  TouchModelData model;
+  /// "Random": a fifth of the states held out. "Held out": every fifth contact point, with all its states.
+  TouchScore random_clean, held_out_clean, held_out_noisy;
+  double quantisation_loss_mm = 0;  ///< mean distance between the float network's point and the int8 network's
+  std::string log;                  ///< readable lines
+};
+
+struct TouchTrainingPlan {
+  std::uint64_t seed = 1;
+  int steps = 6000;  ///< Adam steps
+  int batch = 128;
+};
+
+/// Three trainings side by side: without a fifth of the states, without a fifth of the contact points, and, for the
+/// model itself, with all. Training touches are drawn from an interpolant of the states that may be seen (see
+/// StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated on the held-out
+/// points, after quantisation, and the final model gets the same factors; the coverage in `held_out_noisy` comes from
+/// calibrating on one half of those points and counting on the other. Same arguments give the same bytes.
+/// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
+TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,
+                          const TouchTrainingPlan& plan);
+
+}  // namespace finsight::host

@@ -1,0 +1,308 @@
+#include "hostgen/render/renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "firmware/vision/vision_stages.h"
+#include "hostgen/finger/grid.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr int kOutside = 0, kPlateArea = 1, kFirstModule = 2;  // areas of a plate's lower face
+constexpr int kPaperModules = 8;                               // marker and one module of white on every side
+constexpr std::size_t kNoiseTable = 1 << 18;
+constexpr int kSamples = 64;  // per pixel that an edge crosses
+constexpr double kNearestMm = 1;
+constexpr float kFarMm = 1e6f, kFarthestInverse = 1 / kFarMm;
+
+/// Points in a pixel, 0 ... 1: a Hammersley set. Each column and each row of 1/64 holds one, so that an upright edge is
+/// placed to 1/64 px where a square grid of 8 x 8 would place it to 1/8.
+struct PixelSamples {
+  using Values = Eigen::Array<float, kSamples, 1>;
+  Values x, y, xy;
+  PixelSamples() {
+    for (int i = 0; i < kSamples; ++i) {
+      int reversed = 0;
+      for (int bit = 0; bit < 6; ++bit) reversed |= ((i >> bit) & 1) << (5 - bit);
+      x[i] = (static_cast<float>(i) + 0.5f) / kSamples;
+      y[i] = (static_cast<float>(reversed) + 0.5f) / kSamples;
+      xy[i] = x[i] * y[i];
+    }
+  }
+};
+
+Eigen::Isometry3d moved(const Eigen::Isometry3d& rest, const PlateMotion& motion) {
+  const Eigen::Vector3d rotation = motion.rotation_rad.cast<double>();
+  Eigen::Isometry3d now = rest;
+  now.translation() += motion.displacement_mm.cast<double>();
+  if (rotation.norm() > 0) now.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()) * rest.linear();
+  return now;
+}
+
+/// One half and the middle of a Gaussian of weights with sum 1.
+std::vector<float> blur_weights(double sigma_px) {
+  std::vector<double> weights{1};
+  double sum = 1;
+  for (int i = 1; i <= std::ceil(3 * sigma_px); ++i) {
+    weights.push_back(std::exp(-0.5 * i * i / (sigma_px * sigma_px)));
+    sum += 2 * weights.back();
+  }
+  std::vector<float> result;
+  for (const double weight : weights) result.push_back(static_cast<float>(weight / sum));
+  return result;
+}
+
+}  // namespace
+
+/// Which area of the face holds each point (u right, v up, from the marker's middle; finite). Without branches, so that
+/// the compiler takes many points at once.
+template <int N>
+std::array<int, N> Renderer::Face::areas(const Eigen::Array<float, N, 1>& u_mm,
+                                         const Eigen::Array<float, N, 1>& v_mm) const {
+  constexpr int kHalf = kPaperModules / 2;
+  const auto module = [&](const Eigen::Array<float, N, 1>& at_mm) -> Eigen::Array<int, N, 1> {
+    return (at_mm / module_mm).floor().max(-kHalf - 1).min(kHalf).template cast<int>() + kHalf;
+  };
+  const Eigen::Array<int, N, 1> column = module(u_mm), row = module(-v_mm);
+  std::array<int, N> result;
+  for (int i = 0; i < N; ++i) {
+    const bool on_face = (std::abs(u_mm[i]) <= half_width_mm) & (std::abs(v_mm[i]) <= half_height_mm);
+    const bool on_paper = (column[i] >= 0) & (column[i] < kPaperModules) & (row[i] >= 0) & (row[i] < kPaperModules);
+    const int on_plate = on_paper ? kFirstModule + row[i] * kPaperModules + column[i] : kPlateArea;
+    result[i] = on_face ? on_plate : kOutside;
+  }
+  return result;
+}
+
+Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const PictureQuality& quality,
+                   std::uint64_t seed)
+    : spec_(spec), camera_(camera), quality_(quality), noise_(seed), lens_(camera) {
+  for (int plate = 0; plate < kPlates; ++plate) {
+    const PlateSpec& p = spec.plates[plate];
+    const double y_mm = p.T_finger_marker.translation().y();
+    const double depth_mm = inner_back_mm(spec, y_mm) - inner_front_mm(spec, y_mm);
+    Face& face = faces_[plate];
+    face.half_width_mm = static_cast<float>(inner_half_width_mm(spec, y_mm) * (p.across[1] - p.across[0]) / 2);
+    face.half_height_mm = static_cast<float>(depth_mm * (p.deep[1] - p.deep[0]) / 2);
+    face.module_mm = static_cast<float>(spec.marker_size_mm / 6);
+    face.tone.fill(static_cast<float>(quality.white));
+    face.tone[kOutside] = 0;
+    face.tone[kPlateArea] = static_cast<float>(quality.plate);
+    const std::array<std::uint8_t, 36> modules = marker_modules(p.marker_id);
+    for (int i = 0; i < 36; ++i) {
+      if (!modules[i])
+        face.tone[kFirstModule + (i / 6 + 1) * kPaperModules + i % 6 + 1] = static_cast<float>(quality.black);
+    }
+  }
+  prepare_rays();
+  prepare_light(noise_);
+  noise_table_.resize(kNoiseTable + static_cast<std::size_t>(camera_.width_px));
+  for (std::size_t i = 0; i < noise_table_.size(); ++i) {
+    noise_table_[i] = i < kNoiseTable ? static_cast<float>(noise_.normal()) : noise_table_[i - kNoiseTable];
+  }
+  blur_weights_ = blur_weights(quality.blur_px);
+  upper_mm_.resize(static_cast<std::size_t>(camera_.width_px) + 1);
+  lower_mm_ = upper_mm_;
+}
+
+void Renderer::prepare_rays() {
+  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  for (int y = 0; y <= camera_.height_px; ++y) {
+    for (int x = 0; x <= camera_.width_px; ++x) {
+      const auto ray = lens_.ray({x - 0.5, y - 0.5});
+      corner_ray_.push_back(ray ? Eigen::Vector2f(ray->cast<float>()) : Eigen::Vector2f(kNone, kNone));
+    }
+  }
+}
+
+/// Vignetting, a gradient of the light, and the finger's dark inside with a slow texture. All of it is so smooth that
+/// the lens's blur would not change it.
+void Renderer::prepare_light(Random& random) {
+  constexpr int kWaves = 6;
+  struct Wave {
+    double along_x, along_y, phase;
+  };
+  std::array<Wave, kWaves> waves;
+  for (Wave& wave : waves) {
+    const double length_px = camera_.width_px * random.uniform(0.12, 0.5);
+    const double direction = random.uniform(0, 2 * std::numbers::pi), cycle = 2 * std::numbers::pi / length_px;
+    wave = {cycle * std::cos(direction), cycle * std::sin(direction), random.uniform(0, 2 * std::numbers::pi)};
+  }
+  const double half_diagonal_sq = 0.25 * (std::pow(camera_.width_px, 2) + std::pow(camera_.height_px, 2));
+  for (int y = 0; y < camera_.height_px; ++y) {
+    for (int x = 0; x < camera_.width_px; ++x) {
+      const double from_middle_x = x - 0.5 * camera_.width_px, from_middle_y = y - 0.5 * camera_.height_px;
+      const double radius_sq = (from_middle_x * from_middle_x + from_middle_y * from_middle_y) / half_diagonal_sq;
+      const double light =
+          (1 - quality_.vignetting * radius_sq) * (1 + quality_.light_gradient * from_middle_x / camera_.width_px);
+      double texture = 1;
+      for (const Wave& wave : waves) texture += 0.06 * std::sin(wave.along_x * x + wave.along_y * y + wave.phase);
+      light_.push_back(static_cast<float>(light));
+      background_.push_back(static_cast<float>(light * quality_.background * texture));
+    }
+  }
+}
+
+void Renderer::render(const std::array<PlateMotion, kPlates>& plates, std::vector<std::uint8_t>& grey) {
+  std::array<Eigen::Isometry3d, kPlates> T_camera_marker;
+  std::array<int, kPlates> order{};
+  for (int plate = 0; plate < kPlates; ++plate) {
+    T_camera_marker[plate] =
+        spec_.T_finger_camera.inverse() * moved(spec_.plates[plate].T_finger_marker, plates[plate]);
+    order[plate] = plate;
+  }
+  // From far to near: what is nearer covers what is behind it.
+  std::sort(order.begin(), order.end(),
+            [&](int a, int b) { return T_camera_marker[a].translation().z() > T_camera_marker[b].translation().z(); });
+  picture_ = background_;
+  for (const int plate : order) draw_plate(faces_[plate], T_camera_marker[plate]);
+  quantise(grey);
+}
+
+/// The part of the picture that the face can reach, blur included; all of it when the face leaves the lens's reach.
+Renderer::Box Renderer::bounds(const Face& face, const Eigen::Isometry3d& T_camera_marker) const {
+  constexpr int kSteps = 8;  // distortion bends the edges
+  Eigen::Vector2d lowest(1e9, 1e9), highest(-1e9, -1e9);
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      if (i % kSteps != 0 && j % kSteps != 0) continue;
+      const Eigen::Vector3d point = T_camera_marker * Eigen::Vector3d(face.half_width_mm * (2.0 * i / kSteps - 1),
+                                                                      face.half_height_mm * (2.0 * j / kSteps - 1), 0);
+      const auto pixel = point.z() > kNearestMm ? lens_.pixel(point.head<2>() / point.z()) : std::nullopt;
+      if (!pixel) return {0, camera_.width_px, 0, camera_.height_px};
+      lowest = lowest.cwiseMin(*pixel);
+      highest = highest.cwiseMax(*pixel);
+    }
+  }
+  const double margin_px = 2 + static_cast<double>(blur_weights_.size());
+  const auto clamped = [](double value, int limit) { return static_cast<int>(std::clamp<double>(value, 0, limit)); };
+  return {clamped(lowest.x() - margin_px, camera_.width_px), clamped(highest.x() + margin_px, camera_.width_px),
+          clamped(lowest.y() - margin_px, camera_.height_px), clamped(highest.y() + margin_px, camera_.height_px)};
+}
+
+/// Draws a plate into a layer of its own, blurs the layer, and lays it over the picture.
+void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker) {
+  const Eigen::Vector3d place = T_camera_marker.translation();
+  const bool seen_from_below = T_camera_marker.linear().col(2).dot(place) < 0;
+  const Box box = bounds(face, T_camera_marker);
+  if (!seen_from_below || box.width() <= 0 || box.height() <= 0) return;
+  const std::size_t pixels = static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
+  cover_.assign(pixels, 0);
+  tone_.assign(pixels, 0);
+
+  // A point u, v of the face lies at u X + v Y + t in the camera frame, so [X Y t]^-1 takes a ray to its u, v and 1/z.
+  Eigen::Matrix3d face_to_ray = T_camera_marker.linear();
+  face_to_ray.col(2) = place;
+  const Eigen::Matrix3f ray_to_face = face_to_ray.inverse().cast<float>();
+  const auto see_row = [&](int y, std::vector<Eigen::Vector2f>& row_mm) {
+    const Eigen::Vector2f* rays = &corner_ray_[static_cast<std::size_t>(y) * (camera_.width_px + 1)];
+    for (int x = box.first_x; x <= box.last_x; ++x) {
+      const Eigen::Vector3f point = ray_to_face * rays[x].homogeneous();
+      const bool ahead = point.z() > kFarthestInverse;  // false for NaN, where the lens has no ray
+      row_mm[x] = ahead ? Eigen::Vector2f(point.head<2>() / point.z()) : Eigen::Vector2f::Constant(kFarMm);
+    }
+  };
+  see_row(box.first_y, lower_mm_);
+  for (int y = box.first_y; y < box.last_y; ++y) {
+    std::swap(upper_mm_, lower_mm_);
+    see_row(y + 1, lower_mm_);
+    draw_row(face, box, y);
+  }
+
+  blur_layer(box, cover_);
+  blur_layer(box, tone_);
+  for (int y = box.first_y, i = 0; y < box.last_y; ++y) {
+    const std::size_t row = static_cast<std::size_t>(y) * camera_.width_px;
+    for (int x = box.first_x; x < box.last_x; ++x, ++i) {
+      picture_[row + x] = picture_[row + x] * (1 - cover_[i]) + tone_[i] * light_[row + x];
+    }
+  }
+}
+
+/// One row of pixels of the layer, between the rows of corners upper_mm_ and lower_mm_.
+void Renderer::draw_row(const Face& face, const Box& box, int y) {
+  static const PixelSamples samples;
+  std::size_t i = static_cast<std::size_t>(y - box.first_y) * box.width();
+  for (int x = box.first_x; x < box.last_x; ++x, ++i) {
+    const Eigen::Vector2f corners[4] = {upper_mm_[x], upper_mm_[x + 1], lower_mm_[x], lower_mm_[x + 1]};
+    const Eigen::Vector2f least = corners[0].cwiseMin(corners[1]).cwiseMin(corners[2].cwiseMin(corners[3]));
+    const Eigen::Vector2f most = corners[0].cwiseMax(corners[1]).cwiseMax(corners[2].cwiseMax(corners[3]));
+    // The corners of the pixel's bounds touch all areas that the pixel can touch if it is smaller than a module.
+    const std::array<int, 4> touched =
+        face.areas<4>({least.x(), most.x(), least.x(), most.x()}, {least.y(), least.y(), most.y(), most.y()});
+    bool uniform = (most - least).maxCoeff() < face.module_mm;
+    for (const int area : touched) {
+      uniform = uniform && face.tone[area] == face.tone[touched[0]] && (area == kOutside) == (touched[0] == kOutside);
+    }
+    if (uniform) {
+      cover_[i] = touched[0] == kOutside ? 0 : 1;
+      tone_[i] = face.tone[touched[0]];
+      continue;
+    }
+    // An edge crosses the pixel. Within it, the way from pixel to face is as good as bilinear.
+    const Eigen::Vector2f along_x = corners[1] - corners[0], along_y = corners[2] - corners[0];
+    const Eigen::Vector2f along_both = corners[3] - corners[2] - along_x;
+    const auto seen_at = [&](int axis) -> PixelSamples::Values {
+      return corners[0][axis] + samples.x * along_x[axis] + samples.y * along_y[axis] + samples.xy * along_both[axis];
+    };
+    int covered = 0;
+    float tone = 0;
+    for (const int area : face.areas<kSamples>(seen_at(0), seen_at(1))) {
+      covered += area != kOutside;
+      tone += face.tone[area];
+    }
+    cover_[i] = static_cast<float>(covered) / kSamples;
+    tone_[i] = tone / kSamples;
+  }
+}
+
+/// Separable Gaussian; the layer's margin is empty (or the picture's border, which repeats).
+void Renderer::blur_layer(const Box& box, std::vector<float>& layer) {
+  const int reach = static_cast<int>(blur_weights_.size()) - 1;
+  if (reach == 0) return;
+  const int width = box.width(), height = box.height();
+  blurred_.resize(layer.size());
+  for (int y = 0; y < height; ++y) {
+    float* to = &blurred_[static_cast<std::size_t>(y) * width];
+    const float* from = &layer[static_cast<std::size_t>(y) * width];
+    for (int x = 0; x < width; ++x) to[x] = blur_weights_[0] * from[x];
+    for (int k = 1; k <= reach; ++k) {
+      for (int x = 0; x < width; ++x) {
+        to[x] += blur_weights_[k] * (from[std::max(x - k, 0)] + from[std::min(x + k, width - 1)]);
+      }
+    }
+  }
+  for (int y = 0; y < height; ++y) {
+    const auto row = [&](int at) { return &blurred_[static_cast<std::size_t>(std::clamp(at, 0, height - 1)) * width]; };
+    float* to = &layer[static_cast<std::size_t>(y) * width];
+    for (int x = 0; x < width; ++x) to[x] = blur_weights_[0] * row(y)[x];
+    for (int k = 1; k <= reach; ++k) {
+      const float *above = row(y - k), *below = row(y + k);
+      for (int x = 0; x < width; ++x) to[x] += blur_weights_[k] * (above[x] + below[x]);
+    }
+  }
+}
+
+/// Shot and read noise, then 8 bits. Every row takes a stretch of the table of normal numbers from a place of its own:
+/// drawing a million of them for every picture would take longer than all the rest.
+void Renderer::quantise(std::vector<std::uint8_t>& grey) {
+  grey.resize(picture_.size());
+  const float read_variance = static_cast<float>(quality_.read_noise * quality_.read_noise);
+  const float shot_variance = static_cast<float>(quality_.shot_noise * quality_.shot_noise);
+  const std::size_t width = static_cast<std::size_t>(camera_.width_px);
+  for (std::size_t row = 0; row < picture_.size(); row += width) {
+    const float* noise = &noise_table_[noise_.index(kNoiseTable)];
+    const float* picture = &picture_[row];
+    std::uint8_t* to = &grey[row];
+    for (std::size_t x = 0; x < width; ++x) {
+      const float level = std::max(picture[x], 0.0f);
+      const float noisy = level + std::sqrt(read_variance + shot_variance * level) * noise[x];
+      to[x] = static_cast<std::uint8_t>(std::clamp(noisy + 0.5f, 0.0f, 255.0f));
+    }
+  }
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,153 @@
+#include "hostgen/render/touch_path.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "hostgen/common.h"
+#include "hostgen/fem/statics.h"
+#include "hostgen/learn/random.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr double kFullCircle = 2 * std::numbers::pi;
+constexpr double kPressSeconds = 4;      // about; presses divide the whole time evenly
+constexpr double kPauseShare = 1.0 / 8;  // of a press, half before and half after
+constexpr double kRampShare = 1.0 / 5;
+constexpr int kKeyStep = 4;         // frames from one solved state to the next: 67 ms, while forces ramp over 0.8 s
+constexpr std::size_t kChunk = 12;  // solved states in a row by one worker; not the number of cores, so that it
+                                    // does not change the result
+
+/// 0 at 0, 1 at 1, smooth at both.
+double smooth_step(double x) { return 0.5 - 0.5 * std::cos(std::numbers::pi * std::clamp(x, 0.0, 1.0)); }
+
+/// All numbers of a state that change from frame to frame.
+using StateNumbers = Eigen::Matrix<float, 7 + 6 * kPlates, 1>;
+
+StateNumbers numbers_of(const FemState& state) {
+  StateNumbers numbers;
+  numbers.head<3>() = state.point_mm;
+  numbers.segment<3>(3) = state.contact_mm;
+  numbers[6] = state.force_n;
+  for (int plate = 0; plate < kPlates; ++plate) {
+    numbers.segment<3>(7 + 6 * plate) = state.plates[plate].displacement_mm;
+    numbers.segment<3>(10 + 6 * plate) = state.plates[plate].rotation_rad;
+  }
+  return numbers;
+}
+
+FemState state_of(const StateNumbers& numbers) {
+  FemState state;
+  state.point_mm = numbers.head<3>();
+  state.contact_mm = numbers.segment<3>(3);
+  state.force_n = std::max(numbers[6], 0.0f);  // a spline may swing below zero by a hair
+  for (int plate = 0; plate < kPlates; ++plate) {
+    state.plates[plate] = {numbers.segment<3>(7 + 6 * plate), numbers.segment<3>(10 + 6 * plate)};
+  }
+  return state;
+}
+
+FemState untouched(const Vec3f& point_mm) {
+  FemState state;
+  state.point_mm = state.contact_mm = point_mm;
+  return state;
+}
+
+}  // namespace
+
+TouchPlan::TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed) : spec_(spec) {
+  Random random(seed);
+  const long presses = std::max(1L, std::lround(seconds / kPressSeconds));
+  press_s_ = seconds / static_cast<double>(presses);
+  for (long press = 0; press < presses; ++press) {
+    press_largest_n_.push_back(spec.force_n[1] * (press == 0 ? 1.0 : random.uniform(0.6, 1.0)));
+  }
+  const auto waves = [&](double slow_hz, double fast_hz) {
+    const auto wave = [&](double share, double hz) {
+      return Wave{share, kFullCircle * hz * random.uniform(0.8, 1.2), random.uniform(0, kFullCircle)};
+    };
+    return Waves{wave(0.7, slow_hz), wave(0.3, fast_hz)};
+  };
+  across_ = waves(0.19, 0.43);
+  along_ = waves(0.11, 0.29);
+  strength_ = waves(0.5, 1.1);
+}
+
+double TouchPlan::wander(const Waves& waves, double time_s) {
+  double sum = 0;
+  for (const Wave& wave : waves) sum += wave.share * std::sin(wave.cycle_rad_per_s * time_s + wave.phase_rad);
+  return sum;
+}
+
+Vec3f TouchPlan::point_mm(double time_s) const {
+  const auto [lowest_mm, highest_mm] = spec_.touch_y_mm;
+  const double y_mm = lowest_mm + (highest_mm - lowest_mm) * 0.5 * (1 + wander(along_, time_s));
+  const double x_mm = (spec_.half_width.at(y_mm) - spec_.touch_edge_mm) * wander(across_, time_s);
+  return Eigen::Vector3d(x_mm, y_mm, spec_.front_z.at(y_mm)).cast<float>();
+}
+
+double TouchPlan::force_n(double time_s) const {
+  const double press = std::floor(time_s / press_s_);
+  if (press < 0 || press >= static_cast<double>(press_largest_n_.size())) return 0;
+  const double share = time_s / press_s_ - press;
+  const double from_rest = smooth_step((share - kPauseShare / 2) / kRampShare);
+  const double to_rest = smooth_step((1 - kPauseShare / 2 - share) / kRampShare);
+  // In the middle of each press (where the ramps are over) the force swings between 55 % and all of the press's
+  // largest.
+  const double swing = 1 - 0.45 * 0.5 * (1 + wander(strength_, time_s)) * smooth_step((share - 0.35) / 0.15);
+  return press_largest_n_[static_cast<std::size_t>(press)] * from_rest * to_rest * swing;
+}
+
+std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const TouchPlan& plan, int frames,
+                                      double frames_per_second) {
+  const std::size_t keys = static_cast<std::size_t>((frames + kKeyStep - 2) / kKeyStep) + 1;
+  std::vector<FemState> states(keys);
+  Progress progress("touch path: finite-element states", keys);
+  const auto setup = make_statics_setup(spec, mesh);
+  parallel_for((keys + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    FingerStatics finger(setup);
+    for (std::size_t key = chunk * kChunk; key < std::min(keys, (chunk + 1) * kChunk); ++key) {
+      if (interrupted()) throw Interrupted();
+      const double time_s = static_cast<double>(key) * kKeyStep / frames_per_second;
+      const Vec3f point_mm = plan.point_mm(time_s);
+      const double force_n = plan.force_n(time_s);
+      states[key] = untouched(point_mm);
+      if (force_n > 0) {
+        finger.load(point_mm, force_n);
+        // Where no equilibrium is found the finger stays in the last one: it is reported as what it is.
+        states[key] = finger.state();
+      } else {
+        finger.reset();
+      }
+      progress.advance();
+    }
+  });
+  return interpolated(states, kKeyStep, frames);
+}
+
+std::vector<FemState> interpolated(const std::vector<FemState>& keys, int step, int frames) {
+  std::vector<StateNumbers> numbers;
+  for (const FemState& key : keys) numbers.push_back(numbers_of(key));
+  const auto key = [&](int index) -> const StateNumbers& {
+    return numbers[static_cast<std::size_t>(std::clamp(index, 0, static_cast<int>(numbers.size()) - 1))];
+  };
+  std::vector<FemState> states;
+  for (int frame = 0; frame < frames; ++frame) {
+    const int k = frame / step;
+    const float t = static_cast<float>(frame % step) / static_cast<float>(step);
+    const StateNumbers slope0 = (key(k + 1) - key(k - 1)) / 2, slope1 = (key(k + 2) - key(k)) / 2;
+    const StateNumbers rise = key(k + 1) - key(k);
+    const StateNumbers now =
+        key(k) + t * (slope0 + t * (3 * rise - 2 * slope0 - slope1 + t * (slope0 + slope1 - 2 * rise)));
+    FemState state = state_of(now);
+    if (key(k)[6] == 0 && key(k + 1)[6] == 0) state = untouched(state.point_mm);
+    state.path = frame;
+    states.push_back(state);
+  }
+  return states;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,47 @@
+// One touch that wanders over the finger's face with changing force: what a rendered session shows.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "hostgen/fem/dataset.h"
+
+namespace finsight::host {
+
+/// Where and how hard the finger is touched at any time. The point wanders over all of the touchable face by slow
+/// sines; the force comes in presses of about four seconds, each from nothing to at most the spec's largest force and
+/// back (the first reaches it), with a pause of half a second between them.
+class TouchPlan {
+ public:
+  /// `seconds` > 0.
+  TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed);
+  /// On the undeformed front face.
+  Vec3f point_mm(double time_s) const;
+  double force_n(double time_s) const;  ///< 0 before the start, between presses and after the end
+
+ private:
+  struct Wave {
+    double share, cycle_rad_per_s, phase_rad;
+  };
+  using Waves = std::array<Wave, 2>;  // their shares add up to 1
+  static double wander(const Waves& waves, double time_s);
+
+  FingerSpec spec_;
+  double press_s_;  // from one press to the next
+  std::vector<double> press_largest_n_;
+  Waves across_, along_, strength_;
+};
+
+/// Finite-element states of the finger under the planned touch, one per frame, `path` being the frame's number. Every
+/// fourth frame is solved, on all cores, and the others are interpolated smoothly. The same seed gives the same states
+/// whatever the number of cores. Shows progress.
+std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const TouchPlan& plan, int frames,
+                                      double frames_per_second);
+
+/// States at every `step`-th frame -> states of the first `frames` frames: Catmull-Rom splines through all numbers.
+/// Needs at least one state beyond the last frame or at it. Where neither neighbour is touched the finger rests
+/// exactly.
+std::vector<FemState> interpolated(const std::vector<FemState>& keys, int step, int frames);
+
+}  // namespace finsight::host

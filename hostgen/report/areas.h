@@ -1,0 +1,21 @@
+// What the report measures, one function per area. Each returns the figures of its area under the keys of results.json.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+
+#include "firmware/model/model.h"
+
+namespace finsight::host {
+
+/// Time per frame of the shape stage against the distance to the converged shape, for fixed schedules and the map, over
+/// motions at 60 frames/s; plots speed_error.svg into `folder`. `quick`: shorter motions.
+nlohmann::json measure_solver(const Model& model, const std::filesystem::path& folder, bool quick);
+
+/// A client's time for one read of 40 registers over loopback, alone and beside a client that sends what is refused.
+nlohmann::json measure_modbus(bool quick);
+
+/// Whole-frame time (pixels to registers) over a rendered session.
+nlohmann::json measure_vision(const Model& model, const std::filesystem::path& session, bool quick);
+
+}  // namespace finsight::host

@@ -1,0 +1,25 @@
+// What `hostgen build` measured while it made a pack: kept beside the pack (PACK with the ending .build.json), because
+// times do not belong into a file whose bytes must be the same on every machine.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "hostgen/learn/touch_training.h"
+
+namespace finsight::host {
+
+struct BuildFigures {
+  std::string profile;
+  std::size_t fem_states = 0, fem_failed = 0;
+  double fem_seconds = 0, training_seconds = 0;
+  const TouchTraining* touch = nullptr;
+};
+
+std::filesystem::path build_figures_path(const std::filesystem::path& pack);
+void write_build_figures(const std::filesystem::path& pack, const BuildFigures& figures);
+/// Keys "profile", "fem" and "touch" as in results.json. Throws InputError if there are none beside the pack.
+nlohmann::json read_build_figures(const std::filesystem::path& pack);
+
+}  // namespace finsight::host

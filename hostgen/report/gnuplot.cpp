@@ -1,0 +1,32 @@
+#include "hostgen/report/gnuplot.h"
+
+#include <unistd.h>
+
+#include <stdexcept>
+
+namespace finsight::host {
+
+Gnuplot::Gnuplot(const std::filesystem::path& svg)
+    : target_(svg), temporary_(svg.string() + ".part" + std::to_string(getpid())), pipe_(popen("gnuplot", "w")) {
+  if (!pipe_) throw std::runtime_error("gnuplot cannot be started");
+  line("set terminal svg size 900,520 dynamic background '#ffffff' font 'sans-serif,13'");
+  line("set output '" + temporary_.string() + "'");
+}
+
+Gnuplot::~Gnuplot() {
+  if (pipe_) pclose(pipe_);
+  std::error_code ignored;
+  std::filesystem::remove(temporary_, ignored);
+}
+
+void Gnuplot::line(const std::string& command) { std::fprintf(pipe_, "%s\n", command.c_str()); }
+
+void Gnuplot::finish() {
+  line("unset output");
+  const int status = pclose(pipe_);
+  pipe_ = nullptr;
+  if (status != 0) throw std::runtime_error("gnuplot failed on " + target_.string());
+  std::filesystem::rename(temporary_, target_);
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,125 @@
+// index.html: what results.json says, for people.
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "hostgen/common.h"
+#include "hostgen/report/results.h"
+
+namespace finsight::host {
+
+using nlohmann::json;
+
+namespace {
+
+constexpr const char* kHead = R"(<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>Finsight: speed and error</title>
+<style>
+body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
+h1,h2{font-weight:600}table{border-collapse:collapse;margin:.6rem 0}
+th,td{padding:.2rem .8rem;border-bottom:1px solid #ddd;text-align:right;font-variant-numeric:tabular-nums}
+th:first-child,td:first-child{text-align:left}.why{color:#777}img{max-width:100%}
+</style></head><body>
+<h1>Finsight: speed and error</h1>
+)";
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    switch (c) {
+      case '&': out += "&amp;"; break;
+      case '<': out += "&lt;"; break;
+      case '>': out += "&gt;"; break;
+      default: out += c;
+    }
+  }
+  return out;
+}
+
+std::string shown(const json& value) {
+  if (value.is_null()) return "–";
+  if (value.is_string()) return escaped(value.get<std::string>());
+  if (value.is_number_float()) {
+    std::ostringstream out;
+    out.precision(4);
+    out << value.get<double>();
+    return out.str();
+  }
+  if (value.is_array()) {
+    std::string text;
+    for (const json& item : value) text += (text.empty() ? "" : " / ") + shown(item);
+    return text;
+  }
+  return escaped(value.dump());
+}
+
+// One row per figure; nested objects get dotted names; the reason for a null closes the table.
+void add_rows(const json& object, const std::string& prefix, std::ostringstream& out) {
+  for (const auto& [key, value] : object.items()) {
+    if (key == "why") continue;
+    if (value.is_object()) {
+      add_rows(value, prefix + key + ".", out);
+    } else {
+      out << "<tr><td>" << prefix << key << "</td><td>" << shown(value) << "</td></tr>\n";
+    }
+  }
+  if (object.contains("why")) {
+    out << "<tr><td class=why colspan=2>" << prefix << " not measured: " << shown(object["why"]) << "</td></tr>\n";
+  }
+}
+
+void add_section(const json& results, const std::string& key, const std::string& title, std::ostringstream& out) {
+  out << "<h2>" << title << "</h2>\n<table>\n";
+  add_rows(results[key], "", out);
+  out << "</table>\n";
+}
+
+void add_speed_error(const json& rows, std::ostringstream& out) {
+  out << "<h2>Speed against error</h2>\n<p>Distance of every node to the converged shape of the same frame; one core.</p>\n"
+         "<img src=\"speed_error.svg\" alt=\"microseconds per frame against worst distance\">\n<table><tr>";
+  if (rows.empty()) {
+    out << "</tr></table>\n";
+    return;
+  }
+  const std::vector<std::string> columns = {"tier",   "mesh_tets",    "factorisations", "chords", "scalar",
+                                            "motion", "us_per_frame", "worst_mm",       "mean_mm"};
+  for (const auto& column : columns) out << "<th>" << column << "</th>";
+  out << "</tr>\n";
+  for (const json& row : rows) {
+    out << "<tr>";
+    for (const auto& column : columns) out << "<td>" << shown(row[column]) << "</td>";
+    out << "</tr>\n";
+  }
+  out << "</table>\n";
+}
+
+}  // namespace
+
+void write_index_html(const std::filesystem::path& folder, const Results& results) {
+  const json& all = results.all();
+  std::ostringstream out;
+  out << kHead << "<p>" << shown(all["machine"]) << "; commit " << shown(all["commit"]) << "; profile "
+      << shown(all["profile"]) << ". All figures: <a href=\"results.json\">results.json</a>.</p>\n<table>"
+      << "<tr><th>area</th><th>measured</th><th>by</th></tr>\n";
+  for (const auto& [area, how] : all["measured"].items()) {
+    out << "<tr><td>" << area << "</td><td>" << shown(how["date"]) << "</td><td><code>" << shown(how["command"])
+        << "</code></td></tr>\n";
+  }
+  out << "</table>\n";
+  add_speed_error(all["speed_error"], out);
+  add_section(all, "solver", "Solver", out);
+  add_section(all, "mesh", "Mesh", out);
+  add_section(all, "hard_cases", "Hard cases", out);
+  add_section(all, "touch", "Touch", out);
+  out << "<img src=\"touch_error.svg\" alt=\"touch error against plate motion\">\n";
+  add_section(all, "shape", "Shape at the touched point", out);
+  add_section(all, "fem", "Finite-element truth", out);
+  add_section(all, "real", "Real recordings", out);
+  add_section(all, "force", "Contact forces", out);
+  add_section(all, "vision", "Pixels to registers", out);
+  add_section(all, "modbus", "Modbus", out);
+  add_section(all, "appliance", "Appliance", out);
+  out << "</body></html>\n";
+  write_file_atomically(folder / "index.html", out.str());
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,36 @@
+// results.json: every figure that was measured, none typed in; what was not measured is null with its reason beside it.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+namespace finsight::host {
+
+/// The areas that can be measured alone, in the order of the page.
+const std::vector<std::string>& report_areas();
+
+/// The report's figures, kept between runs: an area that is not measured again keeps its figures and their date.
+class Results {
+ public:
+  /// Reads `file` if it exists (a damaged one is an InputError) and adds every key that is not there as null.
+  explicit Results(std::filesystem::path file);
+  ~Results();
+  Results(const Results&) = delete;
+  Results& operator=(const Results&) = delete;
+
+  /// Replaces figures by those of `figures`, key by key, and dates the area.
+  void measured(const std::string& area, const nlohmann::json& figures, const std::string& profile);
+  const nlohmann::json& all() const;
+  void write() const;
+
+ private:
+  std::filesystem::path file_;
+  nlohmann::json* json_;
+};
+
+/// The page: figures as tables, plots beside them. Written next to results.json.
+void write_index_html(const std::filesystem::path& folder, const Results& results);
+
+}  // namespace finsight::host

@@ -1,0 +1,62 @@
+// hostgen report: measures, area by area, and writes results.json, plots and a page.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "hostgen/commands.h"
+#include "hostgen/report/areas.h"
+#include "hostgen/report/build_figures.h"
+#include "hostgen/report/results.h"
+
+namespace finsight::host {
+
+namespace {
+
+struct Options {
+  std::filesystem::path pack, session, folder;
+  bool quick = false;
+  std::vector<std::string> areas;
+};
+
+nlohmann::json measure(const std::string& area, const Options& options, const Model& model) {
+  if (area == "solver") return measure_solver(model, options.folder, options.quick);
+  if (area == "modbus") return measure_modbus(options.quick);
+  if (area == "vision") return measure_vision(model, options.session, options.quick);
+  const nlohmann::json built = read_build_figures(options.pack);  // fem and touch were measured when the pack was made
+  return {{area, built[area]}};
+}
+
+void run(const Options& options) {
+  const Model model = Model::open(options.pack);
+  std::filesystem::create_directories(options.folder);
+  Results results(options.folder / "results.json");
+  for (const std::string& area : report_areas()) {
+    const bool wanted = options.areas.empty() ||
+                        std::find(options.areas.begin(), options.areas.end(), area) != options.areas.end();
+    if (!wanted) continue;
+    std::printf("%s ...\n", area.c_str());
+    std::fflush(stdout);
+    results.measured(area, measure(area, options, model), options.quick ? "quick" : "full");
+    results.write();
+  }
+  write_index_html(options.folder, results);
+  std::printf("%s\n", (options.folder / "index.html").c_str());
+}
+
+}  // namespace
+
+void add_report_command(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("report", "measure speed against error; scripts/report prepares and calls it");
+  command->add_option("areas", options->areas, "what to measure; all when none is named")
+      ->check(CLI::IsMember(report_areas()));
+  command->add_option("--pack", options->pack, "model pack")->required();
+  command->add_option("--session", options->session, "rendered session, for area vision")->required();
+  command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();
+  command->add_flag("--quick", options->quick, "shorter motions and fewer reads");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace finsight::host

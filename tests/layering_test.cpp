@@ -1,0 +1,112 @@
+// The dependency rules of the layout, checked on the #include lines of every source file.
+#include <doctest/doctest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Include {
+  std::string file;    // "firmware/shape/newton.cpp"
+  std::string folder;  // "firmware/shape"; "firmware" for files directly in it
+  std::string target;  // "firmware/model/model.h" or "opencv2/core.hpp"
+};
+
+std::vector<Include> all_includes() {
+  const fs::path root = FINSIGHT_SOURCE_DIR;
+  const std::regex include_line(R"(^\s*#\s*include\s*[<"]([^>"]+)[>"])");
+  std::vector<Include> includes;
+  for (const char* top : {"firmware", "hostgen"}) {
+    for (const auto& entry : fs::recursive_directory_iterator(root / top)) {
+      const fs::path& path = entry.path();
+      if (path.extension() != ".h" && path.extension() != ".cpp") continue;
+      const fs::path relative = fs::relative(path, root);
+      std::ifstream in(path);
+      for (std::string line; std::getline(in, line);) {
+        std::smatch match;
+        if (std::regex_search(line, match, include_line)) {
+          includes.push_back({relative.string(), relative.parent_path().string(), match[1]});
+        }
+      }
+    }
+  }
+  return includes;
+}
+
+std::string folder_of(const std::string& target) { return fs::path(target).parent_path().string(); }
+
+/// The include lines that break a rule, as text; empty is good.
+template <class Rule>
+std::string broken(Rule allowed) {
+  std::string text;
+  for (const Include& include : all_includes()) {
+    if (!allowed(include)) text += include.file + " includes " + include.target + "\n";
+  }
+  return text;
+}
+
+const std::set<std::string> kStages = {"firmware/vision", "firmware/shape", "firmware/touch", "firmware/modbus"};
+
+}  // namespace
+
+TEST_CASE("layering: the rules are checked on a real tree") { CHECK(all_includes().size() > 100); }
+
+TEST_CASE("layering: the firmware never includes hostgen") {
+  CHECK(broken([](const Include& i) { return !i.folder.starts_with("firmware") || !i.target.starts_with("hostgen/"); }) ==
+        "");
+}
+
+TEST_CASE("layering: types.h sees only the standard library and Eigen") {
+  CHECK(broken([](const Include& i) {
+          return i.file != "firmware/types.h" || i.target.find('/') == std::string::npos ||
+                 i.target.starts_with("Eigen/");
+        }) == "");
+}
+
+TEST_CASE("layering: model/ sees no stage, no port and no loop") {
+  CHECK(broken([](const Include& i) {
+          if (i.folder != "firmware/model" || !i.target.starts_with("firmware/")) return true;
+          return i.target == "firmware/types.h" || i.target == "firmware/input_error.h" ||
+                 folder_of(i.target) == "firmware/model";
+        }) == "");
+}
+
+TEST_CASE("layering: the stage folders never include each other") {
+  CHECK(broken([](const Include& i) {
+          return !kStages.contains(i.folder) || !kStages.contains(folder_of(i.target)) ||
+                 folder_of(i.target) == i.folder;
+        }) == "");
+}
+
+TEST_CASE("layering: only main and the settings know the ports") {
+  CHECK(broken([](const Include& i) {
+          if (folder_of(i.target) != "firmware/ports" || !i.folder.starts_with("firmware")) return true;
+          return i.folder == "firmware/ports" || i.file == "firmware/main.cpp" || i.file == "firmware/settings.h";
+        }) == "");
+}
+
+TEST_CASE("layering: an outside library is seen by the folders that it was chosen for") {
+  const std::map<std::string, std::set<std::string>> homes = {
+      {"opencv2/", {"firmware/vision", "hostgen/learn", "hostgen/render"}},
+      {"modbus/", {"firmware/modbus"}},
+      {"modbus.h", {"firmware/modbus"}},
+      {"toml++/", {"firmware"}},
+      {"nlohmann/", {"firmware/model", "hostgen/pack", "hostgen/report", "hostgen"}},
+      {"openssl/", {"hostgen"}},
+      {"CLI/", {"hostgen"}},
+  };
+  CHECK(broken([&](const Include& i) {
+          for (const auto& [prefix, folders] : homes) {
+            if (!i.target.starts_with(prefix)) continue;
+            if (!folders.contains(i.folder)) return false;
+          }
+          return true;
+        }) == "");
+}

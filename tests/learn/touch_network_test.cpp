@@ -1,0 +1,167 @@
+#include "hostgen/learn/touch_network.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "tests/learn/synthetic_finger.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+namespace {
+
+constexpr int kSigmaMeans[4] = {0, 1, 2, 6};
+
+Eigen::MatrixXf random_matrix(int rows, int cols, double size, Random& random) {
+  Eigen::MatrixXf matrix(rows, cols);
+  for (float& value : matrix.reshaped()) value = float(size * random.normal());
+  return matrix;
+}
+
+// Negative log-likelihood of one target among `samples`, weighted with a standard deviation that is held fixed.
+double weighted_likelihood(double mean, double log_sigma, double target, double weight, int samples) {
+  const double error = (mean - target) / std::exp(log_sigma);
+  return weight * (0.5 * error * error + log_sigma) / samples;
+}
+
+std::vector<TouchSample> some_touches(std::size_t count) {
+  const StateInterpolant states(test::synthetic_dataset().states);
+  Random random(1);
+  return draw_touches(test::synthetic_spec(), states, count, random);
+}
+
+TouchNetwork short_training(std::uint64_t seed) {
+  static const std::vector<TouchSample> touches = some_touches(1000);
+  static const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset());
+  TouchTrainingPlan plan;
+  plan.steps = 30;
+  plan.batch = 32;
+  return train_touch_network(touches, test::synthetic_spec().noise, prior.view(), plan, seed, [] {});
+}
+
+}  // namespace
+
+TEST_CASE("touch network: the likelihood's gradient agrees with finite differences") {
+  Random random(9);
+  const int samples = 5;
+  const Eigen::MatrixXf targets = random_matrix(7, samples, 1, random);
+  Eigen::MatrixXf outputs = random_matrix(11, samples, 0.5, random), gradient;
+  outputs.topRows(7) = targets + random_matrix(7, samples, 0.3, random);
+  touch_loss_gradient(outputs, targets, true, gradient);
+  for (int s = 0; s < samples; ++s) {
+    for (int k = 0; k < 4; ++k) {
+      const double mean = double(outputs(kSigmaMeans[k], s)), log_sigma = double(outputs(7 + k, s));
+      const double target = double(targets(kSigmaMeans[k], s)), weight = std::exp(log_sigma), h = 1e-5;
+      const auto loss = [&](double m, double u) { return weighted_likelihood(m, u, target, weight, samples); };
+      CHECK(double(gradient(kSigmaMeans[k], s)) ==
+            doctest::Approx((loss(mean + h, log_sigma) - loss(mean - h, log_sigma)) / (2 * h)).epsilon(1e-4));
+      CHECK(double(gradient(7 + k, s)) ==
+            doctest::Approx((loss(mean, log_sigma + h) - loss(mean, log_sigma - h)) / (2 * h)).epsilon(1e-4));
+    }
+    for (int i = 3; i < 6; ++i) {  // the displacement: squared error with the force's weight
+      CHECK(double(gradient(i, s)) ==
+            doctest::Approx(double(outputs(i, s) - targets(i, s)) / std::exp(double(outputs(10, s))) / samples));
+    }
+  }
+}
+
+TEST_CASE("touch network: the first part of the training sees squared errors only") {
+  Random random(10);
+  const Eigen::MatrixXf targets = random_matrix(7, 4, 1, random), outputs = random_matrix(11, 4, 1, random);
+  Eigen::MatrixXf gradient;
+  touch_loss_gradient(outputs, targets, false, gradient);
+  CHECK((gradient.topRows(7) - (outputs.topRows(7) - targets) / 4).norm() < 1e-6f);
+  CHECK(gradient.bottomRows(4).norm() == 0);
+}
+
+TEST_CASE("touch network: a wild sample pulls a predicted deviation only so far") {
+  Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(11, 1), targets = Eigen::MatrixXf::Zero(7, 1), gradient;
+  targets(0, 0) = 1e4f;
+  touch_loss_gradient(outputs, targets, true, gradient);
+  CHECK(double(gradient(7, 0)) == doctest::Approx(-24));
+}
+
+TEST_CASE("touch network: int8 weights reproduce the floats to half a step of each output channel") {
+  TouchNetwork trained = short_training(1);
+  trained.network.layers()[1].weights.row(3).setZero();  // a channel without weights
+  quantise(trained);
+  for (std::size_t l = 0; l < 3; ++l) {
+    const Network::Layer& layer = trained.network.layers()[l];
+    const DenseInt8 rounded = trained.model.view().layers[l];
+    REQUIRE(rounded.inputs == layer.weights.cols());
+    REQUIRE(rounded.outputs == layer.weights.rows());
+    float worst_steps = 0;
+    int largest = 0;
+    for (int o = 0; o < rounded.outputs; ++o) {
+      const float scale = rounded.scale[std::size_t(o)];
+      CHECK(scale > 0);
+      for (int i = 0; i < rounded.inputs; ++i) {
+        const int value = rounded.weights[std::size_t(o) * std::size_t(rounded.inputs) + std::size_t(i)];
+        largest = std::max(largest, std::abs(value));
+        worst_steps = std::max(worst_steps, std::abs(scale * float(value) - layer.weights(o, i)) / scale);
+      }
+      CHECK(rounded.bias[std::size_t(o)] == layer.bias[o]);
+    }
+    CHECK(worst_steps <= 0.501f);
+    CHECK(largest == 127);
+  }
+}
+
+TEST_CASE("touch network: the same seed trains the same bytes, another seed others") {
+  TouchNetwork a = short_training(1), b = short_training(1), c = short_training(2);
+  CHECK(a.network.layers()[1].weights == b.network.layers()[1].weights);
+  CHECK(a.network.layers()[2].bias == b.network.layers()[2].bias);
+  CHECK(a.model.input_mean == b.model.input_mean);
+  CHECK(a.network.layers()[1].weights != c.network.layers()[1].weights);
+}
+
+TEST_CASE("touch samples: noise has the spec's deviations along the camera's axes") {
+  std::array<PoseNoise, kPlates> noise = {};
+  noise[1] = {0.1, 0.4, 0.02, 0.005};
+  Random random(3);
+  Eigen::ArrayXd squares = Eigen::ArrayXd::Zero(18);
+  constexpr int kCount = 20000;
+  for (int i = 0; i < kCount; ++i) {
+    PlateNumbers numbers = PlateNumbers::Zero();
+    add_noise(noise, random, numbers);
+    squares += numbers.cast<double>().array().square() / kCount;
+  }
+  const Eigen::ArrayXd sigma = squares.sqrt();
+  CHECK(sigma.head(6).maxCoeff() == 0);
+  CHECK(sigma.tail(6).maxCoeff() == 0);
+  const double expected[6] = {0.1, 0.4, 0.1, 0.02, 0.005, 0.02};
+  for (int i = 0; i < 6; ++i) CHECK(sigma[6 + i] == doctest::Approx(expected[i]).epsilon(0.03));
+}
+
+TEST_CASE("touch samples: mostly all plates are seen, never none") {
+  Random random(4);
+  int counts[4] = {}, each[3] = {};
+  for (int i = 0; i < 10000; ++i) {
+    const std::array<bool, kPlates> seen = draw_seen(random);
+    ++counts[int(seen[0]) + int(seen[1]) + int(seen[2])];
+    for (std::size_t p = 0; p < 3; ++p) each[p] += !seen[p];
+  }
+  CHECK(counts[0] == 0);
+  CHECK(counts[1] == doctest::Approx(1000).epsilon(0.15));
+  CHECK(counts[2] == doctest::Approx(1500).epsilon(0.15));
+  for (const int missing : each) CHECK(missing == doctest::Approx((2 * 1000 + 1500) / 3.0).epsilon(0.15));
+}
+
+TEST_CASE("touch samples: drawn touches cover the face of the spec and all forces from rest") {
+  const FingerSpec spec = test::synthetic_spec();
+  double lowest_n = 9, highest_n = 0, lowest_y = 999, highest_y = 0;
+  for (const TouchSample& touch : some_touches(3000)) {
+    const double y_mm = double(touch.point_mm.y());
+    CHECK(std::abs(double(touch.point_mm.x())) <= spec.half_width.at(y_mm) - spec.touch_edge_mm + 1e-4);
+    lowest_n = std::min(lowest_n, double(touch.force_n));
+    highest_n = std::max(highest_n, double(touch.force_n));
+    lowest_y = std::min(lowest_y, y_mm);
+    highest_y = std::max(highest_y, y_mm);
+  }
+  CHECK(lowest_n < 0.1);
+  CHECK(highest_n > 5.9);
+  CHECK(highest_n <= 6);
+  CHECK(lowest_y < 14);
+  CHECK(highest_y > 106);
+}

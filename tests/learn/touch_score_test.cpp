@@ -1,0 +1,82 @@
+#include "hostgen/learn/touch_score.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+using namespace finsight;
+using namespace finsight::host;
+
+namespace {
+
+// Errors along y of 0.01, 0.02 ... 1.00 mm, radius 0.2 mm, all on one path.
+std::vector<TouchTrial> ramp(std::int32_t path, float plate_motion_mm) {
+  std::vector<TouchTrial> trials;
+  for (int i = 1; i <= 100; ++i) {
+    TouchTrial trial;
+    trial.path = path;
+    trial.truth_mm = Vec3f(0, float(i % 2), 0);
+    trial.error_mm = Vec3f(0, 0.01f * float(i), 0);
+    trial.plate_motion_mm = plate_motion_mm;
+    trial.radius_68_mm = 0.2f;
+    trial.force_error_n = -0.02f * float(i);
+    trial.force_sigma_n = 0.5f;
+    trials.push_back(trial);
+  }
+  return trials;
+}
+
+}  // namespace
+
+TEST_CASE("touch score: calibration makes the radius hold 68 % of the errors and the force's deviation 68.3 %") {
+  const Calibration calibration = calibrate(ramp(0, 5), 2);
+  CHECK(calibration.radius == doctest::Approx(0.68 / 0.2).epsilon(0.02));
+  CHECK(calibration.force == doctest::Approx(2 * 0.6827 / 0.5).epsilon(0.02));
+  TouchModelData model;
+  model.output_mean.assign(11, 0.0f);
+  apply(calibration, model);
+  for (std::size_t i = 0; i < 7; ++i) CHECK(model.output_mean[i] == 0);
+  for (std::size_t i = 7; i < 10; ++i) CHECK(double(model.output_mean[i]) == doctest::Approx(std::log(calibration.radius)));
+  CHECK(double(model.output_mean[10]) == doctest::Approx(std::log(calibration.force)));
+}
+
+TEST_CASE("touch score: trials below the threshold do not count, and none at all is no catastrophe") {
+  std::vector<TouchTrial> trials = ramp(0, 5);
+  const TouchScore alone = score(trials, 2);
+  const std::vector<TouchTrial> weak = ramp(1, 1.9f);
+  trials.insert(trials.end(), weak.begin(), weak.end());
+  CHECK(score(trials, 2).touches == 100);
+  CHECK(score(trials, 2).mean_mm == alone.mean_mm);
+  CHECK(score(weak, 2).touches == 0);
+  CHECK(score(weak, 2).mean_mm == 0);
+  CHECK(calibrate(weak, 2).radius == 1);
+}
+
+TEST_CASE("touch score: figures of hand-made trials") {
+  std::vector<TouchTrial> trials = ramp(0, 5);
+  for (TouchTrial& trial : trials) {
+    if (trial.error_mm.y() > 0.505f) trial.plate_motion_mm = 3;
+  }
+  const TouchScore result = score(trials, 2);
+  CHECK(result.touches == 100);
+  CHECK(result.mean_mm == doctest::Approx(0.505));
+  CHECK(result.mean_above_4_mm == doctest::Approx(0.255));
+  CHECK(result.rmse_mm[0] == 0);
+  CHECK(result.rmse_mm[1] == doctest::Approx(std::sqrt(0.33835)).epsilon(1e-4));
+  CHECK(result.r2[1] == doctest::Approx(1 - 0.33835 / 0.25).epsilon(1e-4));
+  CHECK(result.r2[0] == 0);  // no variance to explain
+  CHECK(result.force_rmse_n == doctest::Approx(2 * std::sqrt(0.33835)).epsilon(1e-4));
+  CHECK(result.coverage_68 == doctest::Approx(0.2).epsilon(0.06));
+  CHECK(result.coverage_95 == doctest::Approx(0.4).epsilon(0.03));
+}
+
+TEST_CASE("touch score: cross coverage judges each half of the points by the other half's calibration") {
+  std::vector<TouchTrial> trials = ramp(3, 5);
+  std::vector<TouchTrial> other = ramp(8, 5);
+  for (TouchTrial& trial : other) trial.error_mm *= 2;  // twice as wrong as the network thinks
+  trials.insert(trials.end(), other.begin(), other.end());
+  // Path 3 is judged by a radius of 1.36 mm, path 8 (errors up to 2 mm) by one of 0.68 mm.
+  const auto [inside, inside_twice] = cross_coverage(trials, 2);
+  CHECK(inside == doctest::Approx((1.0 + 0.34) / 2).epsilon(0.02));
+  CHECK(inside_twice == doctest::Approx((1.0 + 0.68) / 2).epsilon(0.02));
+}

@@ -1,0 +1,137 @@
+#include "hostgen/learn/touch_training.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "firmware/model/plate_prior.h"
+#include "firmware/touch/touch_stage.h"
+#include "hostgen/learn/touch_samples.h"
+#include "tests/learn/synthetic_finger.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+namespace {
+
+const PlatePriorData& prior() {
+  static const PlatePriorData fitted = fit_plate_prior(test::synthetic_dataset());
+  return fitted;
+}
+
+TouchTraining train(int steps) {
+  TouchTrainingPlan plan;
+  plan.steps = steps;
+  plan.batch = 64;
+  return train_touch(test::synthetic_spec(), test::synthetic_dataset(), prior(), plan);
+}
+
+const TouchTraining& trained() {
+  static const TouchTraining training = train(700);
+  return training;
+}
+
+// A fresh noisy measurement of a touch that no dataset holds.
+struct Measured {
+  FemState truth;
+  PlatePoses poses;
+};
+Measured measure(Random& random, const std::array<bool, kPlates>& seen) {
+  const FingerSpec spec = test::synthetic_spec();
+  const double y_mm = random.uniform(spec.touch_y_mm[0], spec.touch_y_mm[1]);
+  const double x_mm = random.uniform(-1, 1) * (spec.half_width.at(y_mm) - spec.touch_edge_mm);
+  Measured result{test::synthetic_state(x_mm, y_mm, random.uniform(1, 6)), {}};
+  PlateNumbers numbers = touch_sample(result.truth).numbers;
+  add_noise(spec.noise, random, numbers);
+  complete_from_prior(prior().view(), seen, numbers);
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    result.poses.plates[p] = {numbers.segment<3>(6 * int(p)), numbers.segment<3>(6 * int(p) + 3)};
+  }
+  result.poses.seen = seen;
+  result.poses.quality = Quality::kFresh;
+  return result;
+}
+
+struct Statistics {
+  double mean_error_mm = 0, mean_radius_mm = 0, inside = 0, inside_twice = 0, contact_mm = 0, force_n = 0;
+};
+Statistics measure_many(const std::array<bool, kPlates>& seen) {
+  TouchStage stage(trained().model.view());
+  Random random(77);
+  Statistics result;
+  int count = 0;
+  while (count < 1500) {
+    const Measured measured = measure(random, seen);
+    const Touch& touch = stage.locate(measured.poses);
+    if (touch.quality != Quality::kFresh) continue;
+    const double error_mm = double((touch.point_mm - measured.truth.point_mm).norm());
+    result.mean_error_mm += error_mm / 1500;
+    result.mean_radius_mm += double(touch.radius_68_mm) / 1500;
+    result.inside += (error_mm <= double(touch.radius_68_mm)) / 1500.0;
+    result.inside_twice += (error_mm <= 2 * double(touch.radius_68_mm)) / 1500.0;
+    result.contact_mm += double((touch.contact_mm - measured.truth.contact_mm).norm()) / 1500;
+    result.force_n += double(std::abs(touch.force_n - measured.truth.force_n)) / 1500;
+    ++count;
+  }
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("touch training: held-out points of a smooth finger are found, and the figures are in order") {
+  const TouchTraining& result = trained();
+  MESSAGE(result.log);
+  CHECK(result.held_out_clean.mean_mm < 3);
+  CHECK(result.held_out_noisy.mean_above_4_mm < 3.5);
+  CHECK(result.held_out_clean.mean_mm <= result.held_out_noisy.mean_mm);
+  CHECK(result.held_out_noisy.r2[1] > 0.97);
+  CHECK(result.quantisation_loss_mm > 0);
+  CHECK(result.quantisation_loss_mm < 0.3);
+  CHECK(result.held_out_noisy.touches > 500);
+  CHECK(result.random_clean.touches > 20);
+  CHECK(std::abs(result.held_out_noisy.coverage_68 - 0.68) < 0.15);
+}
+
+TEST_CASE("touch training: the model answers fresh touches with errors that its radius knows") {
+  const Statistics all = measure_many({true, true, true});
+  CHECK(all.mean_error_mm < 3.5);
+  CHECK(all.contact_mm < 4);
+  CHECK(all.force_n < 0.5);
+  CHECK(all.inside == doctest::Approx(0.68).epsilon(0.15));
+  CHECK(all.inside_twice > 0.88);
+}
+
+TEST_CASE("touch training: plates that are not seen widen the radius") {
+  const Statistics all = measure_many({true, true, true}), two = measure_many({true, true, false}),
+                   one = measure_many({true, false, false});
+  CHECK(two.mean_radius_mm > 1.1 * all.mean_radius_mm);
+  CHECK(one.mean_radius_mm > 1.1 * two.mean_radius_mm);
+  CHECK(one.inside > 0.5);
+}
+
+TEST_CASE("touch training: the model has the sizes and the threshold that the pack expects") {
+  const TouchModel model = trained().model.view();
+  CHECK(model.threshold_mm == 2);
+  CHECK(model.scale.size() == 18);
+  CHECK(model.input_mean.size() == TouchModel::kInputs);
+  CHECK(model.output_scale.size() == TouchModel::kOutputs);
+  CHECK(model.layers[0].inputs == TouchModel::kInputs);
+  CHECK(model.layers[1].outputs == 256);
+  CHECK(model.layers[2].outputs == TouchModel::kOutputs);
+  CHECK(model.layers[1].weights.size() == 512 * 256);
+}
+
+TEST_CASE("touch training: same seed, same bytes") {
+  const TouchTraining a = train(20), b = train(20);
+  CHECK(a.model.weights == b.model.weights);
+  CHECK(a.model.weight_scale == b.model.weight_scale);
+  CHECK(a.model.bias == b.model.bias);
+  CHECK(a.model.output_mean == b.model.output_mean);
+  CHECK(a.log == b.log);
+}
+
+TEST_CASE("touch training: a training set without valid states is refused") {
+  FemDataset dataset = test::synthetic_dataset();
+  for (FemState& state : dataset.states) state.valid = false;
+  CHECK_THROWS_AS(train_touch(test::synthetic_spec(), dataset, prior(), {}), std::runtime_error);
+}

@@ -1,0 +1,258 @@
+#include "firmware/modbus/registers.h"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+#include <string>
+#include <vector>
+
+using namespace finsight;
+
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInf = std::numeric_limits<float>::infinity();
+
+struct Scene {
+  PlatePoses poses;
+  FingerShape shape;
+  Touch touch;
+  LoopState state;
+
+  RegisterImage encoded() const {
+    RegisterImage image;
+    image.words.fill(0xDEAD);  // whatever is not written shows
+    encode_registers(poses, shape, touch, state, image);
+    return image;
+  }
+  std::uint16_t word(std::size_t address) const { return encoded().words[address]; }
+};
+
+/// A bent finger with every value different.
+Scene touched_finger() {
+  Scene s;
+  s.poses.plates[kTopPlate] = {{1.5F, -0.25F, 12.0F}, {0.1F, -0.2F, 0.01F}};
+  s.poses.seen = {true, true, true};
+  s.poses.quality = Quality::kFresh;
+  s.shape = {{}, 3.25F, 14.5F, 6.75F, 4, ShapeSource::kNewton, false, Quality::kFresh};
+  s.touch = {{1.5F, -2.25F, 0.5F}, {2.5F, 60.0F, 7.126F}, 0.8F, 3.5F, 0.11F, 12.0F, Quality::kFresh};
+  s.state.heartbeat = 65535;
+  s.state.frames = 7;
+  s.state.frame_counter = 0x00012345;
+  s.state.dropped_frames = 17;
+  s.state.exposure_ns = 5'000'000'000;
+  s.state.published_ns = 5'012'340'000;
+  s.state.model_checksum = 0xCAFEBABE;
+  s.state.rated_deformation_mm = 6.5F;
+  return s;
+}
+
+}  // namespace
+
+TEST_CASE("registers: a touched finger encodes to words worked out by hand") {
+  // 0.1 rad = 5.7296 deg, -0.2 rad = -11.4592 deg, 0.01 rad = 0.5730 deg; 3.25 of 6.5 mm = 500 permille.
+  const std::vector<std::uint16_t> expected = {
+      0x00EF, 0,      65535,  0,      123,         //  0: status ... latency 12.34 ms
+      150,    0xFF1F, 50,     80,     350,    11,  //  5: touch -2.25 mm = -225 = 0xFF1F
+      500,    1450,   675,                         // 11: level, displacements
+      150,    0xFFE7, 1200,   573,    0xFB86, 57,  // 14: top plate, -25, -1146 = 0xFB86
+      0x3FC0, 0x0000, 0xC010, 0x0000, 0x3F00, 0x0000, 0x4060, 0x0000, 0x4050, 0x0000, 0x7FC0, 0x0000,  // 20: floats
+      0x0001, 0x2345, 17,     4,      0xCAFE, 0xBABE, 1,      0x1234,  // 32: counters and constants
+      250,    6000,   713,    2,      0,      0,      0,      0};      // 40: contact, shape source, reserved
+  const RegisterImage image = touched_finger().encoded();
+  CHECK(std::vector<std::uint16_t>(image.words.begin(), image.words.end()) == expected);
+  CHECK(image.exposure_ns == 5'000'000'000);
+}
+
+TEST_CASE("registers: word order CDAB swaps the words of every 32-bit register and nothing else") {
+  Scene scene = touched_finger();
+  const RegisterImage big = scene.encoded();
+  scene.state.word_order = WordOrder::kCDAB;
+  const RegisterImage swapped = scene.encoded();
+  const std::vector<std::size_t> pairs = {20, 22, 24, 26, 28, 30, 32, 36};
+  std::vector<std::uint16_t> expected(big.words.begin(), big.words.end());
+  for (const std::size_t first : pairs) std::swap(expected[first], expected[first + 1]);
+  CHECK(std::vector<std::uint16_t>(swapped.words.begin(), swapped.words.end()) == expected);
+  CHECK(swapped.words[20] == 0x0000);
+  CHECK(swapped.words[21] == 0x3FC0);
+}
+
+TEST_CASE("registers: before any result nothing is ready and nothing looks like a measurement") {
+  const RegisterImage image = Scene{}.encoded();
+  for (const std::size_t a : {0U, 1U, 2U, 3U, 32U, 33U, 34U, 35U, 36U, 37U, 43U, 44U, 45U, 46U, 47U}) {
+    CHECK_MESSAGE(image.words[a] == 0, "register " << a);
+  }
+  for (const std::size_t a : {4U, 8U, 9U, 10U, 11U, 12U, 13U}) CHECK_MESSAGE(image.words[a] == 65535, "register " << a);
+  for (const std::size_t a : {5U, 6U, 7U, 14U, 15U, 16U, 17U, 18U, 19U, 40U, 41U, 42U}) {
+    CHECK_MESSAGE(image.words[a] == 0x8000, "register " << a);
+  }
+  for (std::size_t a = 20; a < 32; a += 2) {
+    CHECK_MESSAGE(image.words[a] == 0x7FC0, "register " << a);
+    CHECK_MESSAGE(image.words[a + 1] == 0, "register " << a + 1);
+  }
+  CHECK(image.words[39] == 0x1234);
+}
+
+TEST_CASE("registers: values out of range saturate just short of the code for not valid") {
+  Scene scene = touched_finger();
+  scene.touch.point_mm = {400.0F, -400.0F, 327.67F};
+  scene.touch.contact_mm = {-327.68F, 1e30F, -1e30F};
+  scene.touch.radius_68_mm = 1e9F;
+  scene.touch.force_n = 655.36F;
+  scene.touch.force_sigma_n = -1.0F;
+  scene.shape.front_rms_mm = 1e20F;
+  scene.shape.largest_mm = 655.35F;
+  scene.shape.rms_mm = -0.5F;
+  scene.shape.iterations = 70000;
+  scene.state.dropped_frames = 65536;
+  scene.state.published_ns = scene.state.exposure_ns + 7'000'000'000;
+  const RegisterImage image = scene.encoded();
+  CHECK(image.words[5] == 0x7FFF);
+  CHECK(image.words[6] == 0x8001);
+  CHECK(image.words[7] == 0x7FFF);
+  CHECK(image.words[40] == 0x8001);
+  CHECK(image.words[41] == 0x7FFF);
+  CHECK(image.words[42] == 0x8001);
+  for (const std::size_t a : {4U, 8U, 9U, 11U, 12U}) CHECK_MESSAGE(image.words[a] == 65534, "register " << a);
+  CHECK(image.words[10] == 0);
+  CHECK(image.words[13] == 0);
+  CHECK(image.words[34] == 65535);
+  CHECK(image.words[35] == 65535);
+}
+
+TEST_CASE("registers: a latency that would be negative is 0") {
+  Scene scene = touched_finger();
+  scene.state.published_ns = scene.state.exposure_ns - 1'000'000;
+  CHECK(scene.word(4) == 0);
+}
+
+TEST_CASE("registers: a value that is not finite never reaches the block, nor does its status bit") {
+  for (const float bad : {kNan, -kNan, kInf, -kInf}) {
+    Scene scene = touched_finger();
+    scene.touch.force_n = bad;
+    CHECK((scene.word(0) & (kTouchValid | kContact)) == 0);
+    CHECK(scene.word(5) == 0x8000);
+    CHECK(scene.word(9) == 65535);
+    CHECK(scene.word(26) == 0x7FC0);
+    CHECK(scene.word(27) == 0);
+    CHECK(scene.word(40) == 0x8000);
+
+    scene = touched_finger();
+    scene.touch.contact_mm.y() = bad;
+    CHECK((scene.word(0) & kTouchValid) == 0);
+    CHECK(scene.word(20) == 0x7FC0);
+
+    scene = touched_finger();
+    scene.touch.radius_68_mm = bad;  // the position stands without its uncertainty
+    CHECK((scene.word(0) & kTouchValid) != 0);
+    CHECK(scene.word(5) == 150);
+    CHECK(scene.word(8) == 65535);
+
+    scene = touched_finger();
+    scene.shape.largest_mm = bad;
+    CHECK((scene.word(0) & kShapeValid) == 0);
+    CHECK(scene.word(11) == 65535);
+    CHECK(scene.word(28) == 0x7FC0);
+
+    scene = touched_finger();
+    scene.poses.plates[kTopPlate].rotation_rad.x() = bad;
+    CHECK(scene.word(14) == 150);
+    CHECK(scene.word(17) == 0x8000);
+  }
+}
+
+TEST_CASE("registers: a rated deformation of 0 gives no level") {
+  Scene scene = touched_finger();
+  for (const float rated : {0.0F, -1.0F, kNan}) {
+    scene.state.rated_deformation_mm = rated;
+    CHECK(scene.word(11) == 65535);
+  }
+}
+
+TEST_CASE("registers: each status bit follows its own cause") {
+  const std::uint16_t all_well = kReady | kTouchValid | kContact | kShapeValid | kTopSeen | kMiddleSeen | kLowSeen;
+  CHECK(touched_finger().word(0) == all_well);
+
+  const auto status = [](auto change) {
+    Scene scene = touched_finger();
+    change(scene);
+    return scene.word(0);
+  };
+  CHECK(status([](Scene& s) { s.touch.quality = Quality::kInvalid; }) == (all_well & ~(kTouchValid | kContact)));
+  CHECK(status([](Scene& s) { s.touch.force_n = 0; }) == (all_well & ~kContact));
+  CHECK(status([](Scene& s) { s.touch.force_n = -0.1F; }) == (all_well & ~kContact));
+  CHECK(status([](Scene& s) { s.shape.quality = Quality::kInvalid; }) == (all_well & ~kShapeValid));
+  CHECK(status([](Scene& s) { s.poses.seen[kTopPlate] = false; }) == (all_well & ~(kShapeValid | kTopSeen)));
+  CHECK(status([](Scene& s) { s.poses.seen[kMiddlePlate] = false; }) == (all_well & ~(kShapeValid | kMiddleSeen)));
+  CHECK(status([](Scene& s) { s.poses.seen[kLowPlate] = false; }) == (all_well & ~(kShapeValid | kLowSeen)));
+  CHECK(status([](Scene& s) { s.poses.quality = Quality::kHeld; }) == (all_well | kHeld));
+  CHECK(status([](Scene& s) { s.shape.quality = Quality::kHeld; }) == (all_well | kHeld));
+  CHECK(status([](Scene& s) { s.touch.quality = Quality::kHeld; }) == (all_well | kHeld));
+  CHECK(status([](Scene& s) { s.shape.fallback = true; }) == (all_well | kSolverFallback));
+  CHECK(status([](Scene& s) { s.state.camera_fault = true; }) == (all_well | kCameraFault | kAnyFault));
+  CHECK(status([](Scene& s) { s.state.fault = FaultCode::kMarkersLost; }) == (all_well | kAnyFault));
+  CHECK(status([](Scene& s) { s.state.fault = FaultCode::kSelfTest; }) == ((all_well | kAnyFault) & ~kReady));
+  CHECK(status([](Scene& s) { s.touch.quality = s.shape.quality = Quality::kInvalid; }) ==
+        (kTopSeen | kMiddleSeen | kLowSeen));
+}
+
+TEST_CASE("registers: the fault code and the shape's source are the numbers of the table") {
+  Scene scene = touched_finger();
+  scene.state.fault = FaultCode::kSolverFailed;
+  scene.shape.source = ShapeSource::kMap;
+  CHECK(scene.word(1) == 3);
+  CHECK(scene.word(43) == 1);
+}
+
+TEST_CASE("registers: the age counts from the exposure to the moment of the read") {
+  RegisterImage image = touched_finger().encoded();
+  const auto age = [&image](std::int64_t now_ns) {
+    set_age(image, now_ns);
+    return image.words[3];
+  };
+  CHECK(age(5'000'000'000 + 1'660'000) == 17);  // 1.66 ms, rounded
+  CHECK(age(5'000'000'000 + 16'600'000) == 166);
+  CHECK(age(5'000'000'000) == 0);
+  CHECK(age(4'000'000'000) == 0);
+  CHECK(age(60'000'000'000) == 65534);
+  CHECK(age(std::numeric_limits<std::int64_t>::max()) == 65534);
+  CHECK(image.words[2] == 65535);  // its neighbours stay
+  CHECK(image.words[4] == 123);
+  RegisterImage never = Scene{}.encoded();
+  set_age(never, 5'000'000'000);
+  CHECK(never.words[3] == 65535);
+}
+
+TEST_CASE("registers: the CSV file has one line per register, 48 words without gap or overlap") {
+  std::istringstream csv(register_table_csv());
+  std::string line;
+  REQUIRE(std::getline(csv, line));
+  CHECK(line == "address,name,type,scale,unit,description\r");
+  int next = 0;
+  std::vector<std::string> lines;
+  while (std::getline(csv, line)) {
+    lines.push_back(line);
+    const bool is_wide = line.find(",uint32,") != std::string::npos || line.find(",float32,") != std::string::npos;
+    CHECK(line.substr(0, line.find(',')) == std::to_string(next));
+    CHECK(line.ends_with("\"\r"));
+    CHECK(std::count(line.begin(), line.end(), '"') == 2);
+    CHECK(std::all_of(line.begin(), line.end(), [](char c) { return c == '\r' || (c >= ' ' && c <= '~'); }));
+    next += is_wide ? 2 : 1;
+  }
+  CHECK(next == kMeasurementRegisters);
+  REQUIRE(lines.size() == 40);
+  CHECK(lines[5].starts_with("5,touch_x,int16,0.01,mm,\""));
+  CHECK(lines[20].starts_with("20,touch_x_float,float32,1,mm,\""));
+  CHECK(lines[31].starts_with("39,test_constant,uint16,1,,\""));
+}
+
+TEST_CASE("registers: the README's table has the same rows as the CSV file") {
+  const std::string markdown = register_table_markdown();
+  CHECK(std::count(markdown.begin(), markdown.end(), '\n') == 2 + 40);
+  CHECK(markdown.find("| 5 | `touch_x` | int16 | 0.01 | mm | ") != std::string::npos);
+  CHECK(markdown.find("| 20-21 | `touch_x_float` | float32 | 1 | mm | ") != std::string::npos);
+  CHECK(markdown.find("| 47 | `reserved_47` | ") != std::string::npos);
+}

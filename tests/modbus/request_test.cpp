@@ -1,0 +1,156 @@
+#include "firmware/modbus/request.h"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "firmware/types.h"
+
+using namespace finsight;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+Bytes answer(const Bytes& request) {
+  std::array<std::uint8_t, kLargestPdu> reply{};
+  const std::size_t length = answer_request(request, reply);
+  return {reply.begin(), reply.begin() + static_cast<std::ptrdiff_t>(length)};
+}
+
+Bytes read_request(int function, int address, int quantity) {
+  const auto byte = [](int value) { return static_cast<std::uint8_t>(value); };
+  return {byte(function), byte(address >> 8), byte(address), byte(quantity >> 8), byte(quantity)};
+}
+
+/// Identification objects of a reply, as "id=text" in order.
+std::vector<std::string> objects_in(const Bytes& reply) {
+  std::vector<std::string> objects;
+  std::size_t at = 7;
+  for (int i = 0; i < reply[6]; ++i) {
+    REQUIRE(at + 2 <= reply.size());
+    REQUIRE(at + 2 + reply[at + 1] <= reply.size());
+    objects.push_back(std::to_string(reply[at]) + "=" + std::string(&reply[at + 2], &reply[at + 2] + reply[at + 1]));
+    at += 2U + reply[at + 1];
+  }
+  CHECK(at == reply.size());
+  return objects;
+}
+
+const std::vector<std::string> kBasic = {"0=Finsight", "1=FS-1", "2=" FINSIGHT_VERSION};
+const std::vector<std::string> kAll = {"0=Finsight", "1=FS-1", "2=" FINSIGHT_VERSION, "4=Finsight touch sensor",
+                                       "5=FS-1 in-finger vision"};
+
+}  // namespace
+
+TEST_CASE("request: a read passes exactly when the Modbus specification allows it") {
+  int wrong = 0;
+  for (const int function : {3, 4}) {
+    for (int address = 0; address < 65536; address += address < 60 || address > 65500 ? 1 : 97) {
+      for (const int quantity : {0, 1, 2, 40, 47, 48, 49, 124, 125, 126, 127, 255, 256, 32768, 65535}) {
+        Bytes expected;
+        if (quantity == 0 || quantity > 125) {
+          expected = {static_cast<std::uint8_t>(function + 128), 3};
+        } else if (address + quantity > kMeasurementRegisters) {
+          expected = {static_cast<std::uint8_t>(function + 128), 2};
+        }
+        if (answer(read_request(function, address, quantity)) != expected) ++wrong;
+      }
+    }
+  }
+  CHECK(wrong == 0);
+}
+
+TEST_CASE("request: every other function code gets exception 1, whatever follows it") {
+  for (int function = 0; function < 256; ++function) {
+    if (function == 3 || function == 4 || function == 43) continue;
+    for (const std::size_t length : {1U, 5U, 253U}) {
+      Bytes request(length, 0xA5);
+      request[0] = static_cast<std::uint8_t>(function);
+      CHECK(answer(request) == Bytes{static_cast<std::uint8_t>(function | 0x80), 1});
+    }
+  }
+}
+
+TEST_CASE("request: a read of the wrong length gets exception 3") {
+  for (std::size_t length = 1; length <= kLargestPdu; ++length) {
+    Bytes request = read_request(3, 0, 1);
+    request.resize(length);
+    CHECK(answer(request) == (length == 5 ? Bytes{} : Bytes{0x83, 3}));
+  }
+}
+
+TEST_CASE("request: identification lists the objects of its category from the one named on") {
+  CHECK(objects_in(answer({43, 14, 1, 0})) == kBasic);
+  CHECK(objects_in(answer({43, 14, 2, 0})) == kAll);
+  CHECK(objects_in(answer({43, 14, 3, 0})) == kAll);  // more than there is: what there is
+  CHECK(objects_in(answer({43, 14, 1, 1})) == std::vector<std::string>{kBasic[1], kBasic[2]});
+  CHECK(objects_in(answer({43, 14, 2, 4})) == std::vector<std::string>{kAll[3], kAll[4]});
+  CHECK(objects_in(answer({43, 14, 1, 4})) == kBasic);  // not basic: from the beginning
+  CHECK(objects_in(answer({43, 14, 2, 3})) == kAll);    // unknown: from the beginning
+  CHECK(objects_in(answer({43, 14, 2, 255})) == kAll);
+}
+
+TEST_CASE("request: identification gives single objects, and exception 2 for unknown ones") {
+  for (int id = 0; id < 256; ++id) {
+    const Bytes reply = answer({43, 14, 4, static_cast<std::uint8_t>(id)});
+    const std::string start = std::to_string(id) + "=";
+    std::vector<std::string> expected;
+    for (const std::string& object : kAll) {
+      if (object.starts_with(start)) expected.push_back(object);
+    }
+    if (expected.empty()) {
+      CHECK(reply == Bytes{0xAB, 2});
+    } else {
+      CHECK(Bytes(reply.begin(), reply.begin() + 7) == Bytes{43, 14, 4, 0x82, 0, 0, 1});
+      CHECK(objects_in(reply) == expected);
+    }
+  }
+}
+
+TEST_CASE("request: malformed identification gets the exception of its fault") {
+  CHECK(answer({43}) == Bytes{0xAB, 1});
+  CHECK(answer({43, 13, 1, 0}) == Bytes{0xAB, 1});
+  CHECK(answer({43, 14}) == Bytes{0xAB, 3});
+  CHECK(answer({43, 14, 1}) == Bytes{0xAB, 3});
+  CHECK(answer({43, 14, 1, 0, 0}) == Bytes{0xAB, 3});
+  for (int code = 0; code < 256; ++code) {
+    if (code >= 1 && code <= 4) continue;
+    CHECK(answer({43, 14, static_cast<std::uint8_t>(code), 0}) == Bytes{0xAB, 3});
+  }
+}
+
+TEST_CASE("request: a million random requests get a read, an identification or an exception, nothing else") {
+  std::uint64_t state = 1;
+  const auto random = [&state] {  // splitmix64
+    std::uint64_t z = state += 0x9E3779B97F4A7C15U;
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9U;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBU;
+    return z ^ (z >> 31);
+  };
+  constexpr std::array<std::uint8_t, 4> kKnown = {3, 4, 43, 16};
+  std::array<std::uint8_t, kLargestPdu> request, reply;
+  int odd = 0, reads = 0, identifications = 0;
+  for (int i = 0; i < 1'000'000; ++i) {
+    const std::uint64_t bits = random();
+    // Half of them short, of small numbers and known functions, so that the checks behind the first ones are reached
+    // too.
+    const bool tame = bits & 1;
+    const std::size_t length = 1 + (bits >> 8) % (tame ? 6 : kLargestPdu);
+    for (std::size_t b = 0; b < length; ++b) request[b] = random() & (tame ? 0x0F : 0xFF);
+    if (tame) request[0] = kKnown[bits >> 1 & 3];
+    const std::size_t answered = answer_request({request.data(), length}, reply);
+    const bool is_read = answered == 0 && (request[0] == 3 || request[0] == 4) && length == 5 && request[1] == 0 &&
+                         request[2] + request[4] <= kMeasurementRegisters && request[3] == 0;
+    const bool is_identity = answered > 7 && request[0] == 43 && reply[0] == 43;
+    const bool is_exception = answered == 2 && reply[0] == (request[0] | 0x80) && reply[1] >= 1 && reply[1] <= 3;
+    odd += !is_read && !is_identity && !is_exception;
+    reads += is_read;
+    identifications += is_identity;
+  }
+  CHECK(odd == 0);
+  CHECK(reads > 20);
+  CHECK(identifications > 100);
+}

@@ -1,0 +1,525 @@
+#include "firmware/modbus/server.h"
+
+#include <arpa/inet.h>
+#include <doctest/doctest.h>
+#include <modbus.h>
+#include <netinet/tcp.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <ctime>
+#include <memory>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+using namespace finsight;
+using namespace std::chrono_literals;
+
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+/// "0001 0000 0006" as bytes; 'text' stands for its characters.
+Bytes hex(const std::string& text) {
+  Bytes bytes;
+  int digits = 0, value = 0;
+  bool quoted = false;
+  for (const char c : text) {
+    if (c == '\'') {
+      quoted = !quoted;
+    } else if (quoted) {
+      bytes.push_back(static_cast<std::uint8_t>(c));
+    } else if (c != ' ') {
+      value = value * 16 + (c <= '9' ? c - '0' : c - 'A' + 10);
+      if (++digits % 2 == 0) bytes.push_back(static_cast<std::uint8_t>(std::exchange(value, 0)));
+    }
+  }
+  return bytes;
+}
+
+Bytes operator+(Bytes a, const Bytes& b) {
+  a.insert(a.end(), b.begin(), b.end());
+  return a;
+}
+
+/// A plain TCP connection. Waits are bounded so that a broken server fails a test and does not hang it.
+class Connection {
+ public:
+  explicit Connection(int port, int receive_buffer = 0) : fd_(::socket(AF_INET, SOCK_STREAM, 0)) {
+    const timeval wait{20, 0};
+    const int on = 1;
+    ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait);
+    ::setsockopt(fd_, SOL_SOCKET, SO_SNDTIMEO, &wait, sizeof wait);
+    ::setsockopt(fd_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    if (receive_buffer) ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    if (::connect(fd_, reinterpret_cast<sockaddr*>(&address), sizeof address) != 0) close();
+  }
+  ~Connection() { close(); }
+  Connection(Connection&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  Connection& operator=(Connection&&) = delete;
+
+  bool is_open() const { return fd_ >= 0; }
+  bool send(const Bytes& bytes) {
+    return ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
+  }
+  /// `count` bytes, or fewer if the server closes or stays silent.
+  Bytes receive(std::size_t count) {
+    Bytes bytes(count);
+    std::size_t used = 0;
+    while (used < count) {
+      const ssize_t got = ::recv(fd_, &bytes[used], count - used, 0);
+      if (got <= 0) break;
+      used += static_cast<std::size_t>(got);
+    }
+    bytes.resize(used);
+    return bytes;
+  }
+  Bytes ask(const Bytes& request, std::size_t reply_length) { return send(request) ? receive(reply_length) : Bytes{}; }
+  /// Waits until the server has closed; false if it sends something or does nothing.
+  bool is_closed_by_server() {
+    std::uint8_t byte;
+    const ssize_t got = ::recv(fd_, &byte, 1, 0);
+    return got == 0 || (got < 0 && errno == ECONNRESET);
+  }
+  /// Goes away with a reset, dropping what is on its way.
+  void vanish() {
+    const linger abort{1, 0};
+    ::setsockopt(fd_, SOL_SOCKET, SO_LINGER, &abort, sizeof abort);
+    close();
+  }
+  void close() {
+    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+  }
+  int fd() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+/// A server on a free port whose register i holds 0x1000 + i.
+class Served {
+ public:
+  explicit Served(ModbusSettings settings = {}) : server_(on_any_port(std::move(settings))) {
+    RegisterImage image;
+    for (std::size_t i = 0; i < image.words.size(); ++i) image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
+    server_.publish(image);
+  }
+  int port() const { return server_.port(); }
+  ModbusServer& operator*() { return server_; }
+
+ private:
+  static ModbusSettings on_any_port(ModbusSettings settings) {
+    settings.port = 0;
+    return settings;
+  }
+  ModbusServer server_;
+};
+
+ModbusSettings with_clients(int max_clients) {
+  ModbusSettings settings;
+  settings.max_clients = max_clients;
+  return settings;
+}
+
+const Bytes kReadOne = hex("0001 0000 0006 01 03 0005 0001");
+const Bytes kReadOneReply = hex("0001 0000 0005 01 03 02 1005");
+
+bool is_answered(Connection& client) { return client.ask(kReadOne, kReadOneReply.size()) == kReadOneReply; }
+
+struct Exchange {
+  const char* what;
+  Bytes request, reply;
+};
+
+const std::string kBasicObjects = "00 08 'Finsight' 01 04 'FS-1' 02 05 '" FINSIGHT_VERSION "'";
+const std::string kOtherObjects = "04 15 'Finsight touch sensor' 05 15 'FS-1 in-finger vision'";
+
+const std::vector<Exchange>& exchanges() {
+  static const std::vector<Exchange> list = {
+      {"function 3, first register", hex("0001 0000 0006 01 03 0000 0001"), hex("0001 0000 0005 01 03 02 1000")},
+      {"function 4, the same block", hex("0002 0000 0006 01 04 0000 0001"), hex("0002 0000 0005 01 04 02 1000")},
+      {"three registers", hex("0003 0000 0006 01 03 0005 0003"), hex("0003 0000 0009 01 03 06 1005 1006 1007")},
+      {"last register", hex("0004 0000 0006 01 04 002F 0001"), hex("0004 0000 0005 01 04 02 102F")},
+      {"last eight registers", hex("0005 0000 0006 01 03 0028 0008"),
+       hex("0005 0000 0013 01 03 10 1028 1029 102A 102B 102C 102D 102E 102F")},
+      {"transaction id is echoed", hex("FFFE 0000 0006 01 03 0014 0002"), hex("FFFE 0000 0007 01 03 04 1014 1015")},
+      {"unit 0", hex("0006 0000 0006 00 03 0000 0001"), hex("0006 0000 0005 00 03 02 1000")},
+      {"unit 247", hex("0007 0000 0006 F7 03 0000 0001"), hex("0007 0000 0005 F7 03 02 1000")},
+      {"unit 255", hex("0008 0000 0006 FF 03 0000 0001"), hex("0008 0000 0005 FF 03 02 1000")},
+      {"quantity 0", hex("0009 0000 0006 01 03 0000 0000"), hex("0009 0000 0003 01 83 03")},
+      {"quantity 0 beyond the block", hex("000A 0000 0006 01 03 FFFF 0000"), hex("000A 0000 0003 01 83 03")},
+      {"quantity 126", hex("000B 0000 0006 01 04 0000 007E"), hex("000B 0000 0003 01 84 03")},
+      {"quantity 65535", hex("000C 0000 0006 01 03 0000 FFFF"), hex("000C 0000 0003 01 83 03")},
+      {"quantity 125 over the end", hex("000D 0000 0006 01 03 0000 007D"), hex("000D 0000 0003 01 83 02")},
+      {"one register over the end", hex("000E 0000 0006 01 04 002F 0002"), hex("000E 0000 0003 01 84 02")},
+      {"first address beyond", hex("000F 0000 0006 01 03 0030 0001"), hex("000F 0000 0003 01 83 02")},
+      {"last address of all", hex("0010 0000 0006 01 03 FFFF 0001"), hex("0010 0000 0003 01 83 02")},
+      {"address 65535, 125 registers", hex("0011 0000 0006 01 03 FFFF 007D"), hex("0011 0000 0003 01 83 02")},
+      {"read too short", hex("0012 0000 0005 01 03 0000 00"), hex("0012 0000 0003 01 83 03")},
+      {"read too long", hex("0013 0000 0007 01 03 0000 0001 00"), hex("0013 0000 0003 01 83 03")},
+      {"read without fields", hex("0014 0000 0002 01 03"), hex("0014 0000 0003 01 83 03")},
+      {"read coils", hex("0015 0000 0006 01 01 0000 0001"), hex("0015 0000 0003 01 81 01")},
+      {"read discrete inputs", hex("0016 0000 0006 01 02 0000 0001"), hex("0016 0000 0003 01 82 01")},
+      {"write coil", hex("0017 0000 0006 01 05 0000 FF00"), hex("0017 0000 0003 01 85 01")},
+      {"write register", hex("0018 0000 0006 01 06 0000 0001"), hex("0018 0000 0003 01 86 01")},
+      {"read exception status", hex("0019 0000 0002 01 07"), hex("0019 0000 0003 01 87 01")},
+      {"diagnostics", hex("001A 0000 0006 01 08 0000 A537"), hex("001A 0000 0003 01 88 01")},
+      {"write coils", hex("001B 0000 0008 01 0F 0000 0008 01 FF"), hex("001B 0000 0003 01 8F 01")},
+      {"write registers", hex("001C 0000 0009 01 10 0000 0001 02 0001"), hex("001C 0000 0003 01 90 01")},
+      {"report server id", hex("001D 0000 0002 01 11"), hex("001D 0000 0003 01 91 01")},
+      {"mask write", hex("001E 0000 0008 01 16 0000 0000 0000"), hex("001E 0000 0003 01 96 01")},
+      {"read and write", hex("001F 0000 000D 01 17 0000 0001 0000 0001 02 0001"), hex("001F 0000 0003 01 97 01")},
+      {"function 0", hex("0020 0000 0002 01 00"), hex("0020 0000 0003 01 80 01")},
+      {"an exception as a request", hex("0021 0000 0003 01 83 02"), hex("0021 0000 0003 01 83 01")},
+      {"function 255", hex("0022 0000 0002 01 FF"), hex("0022 0000 0003 01 FF 01")},
+      {"longest request", hex("0023 0000 00FE 01 10") + Bytes(252, 0xFF), hex("0023 0000 0003 01 90 01")},
+      {"identification, basic", hex("0024 0000 0005 01 2B 0E 01 00"),
+       hex("0024 0000 001F 01 2B 0E 01 82 00 00 03 " + kBasicObjects)},
+      {"identification, regular", hex("0025 0000 0005 01 2B 0E 02 00"),
+       hex("0025 0000 004D 01 2B 0E 02 82 00 00 05 " + kBasicObjects + kOtherObjects)},
+      {"identification, extended", hex("0026 0000 0005 01 2B 0E 03 00"),
+       hex("0026 0000 004D 01 2B 0E 03 82 00 00 05 " + kBasicObjects + kOtherObjects)},
+      {"identification, one object", hex("0027 0000 0005 FF 2B 0E 04 01"),
+       hex("0027 0000 000E FF 2B 0E 04 82 00 00 01 01 04 'FS-1'")},
+      {"identification, unknown object", hex("0028 0000 0005 01 2B 0E 04 03"), hex("0028 0000 0003 01 AB 02")},
+      {"identification, unknown code", hex("0029 0000 0005 01 2B 0E 05 00"), hex("0029 0000 0003 01 AB 03")},
+      {"identification too short", hex("002A 0000 0003 01 2B 0E"), hex("002A 0000 0003 01 AB 03")},
+      {"another encapsulated interface", hex("002B 0000 0005 01 2B 0D 01 00"), hex("002B 0000 0003 01 AB 01")},
+  };
+  return list;
+}
+
+std::pair<Bytes, Bytes> all_exchanges() {
+  std::pair<Bytes, Bytes> all;
+  for (const Exchange& e : exchanges()) {
+    all.first = all.first + e.request;
+    all.second = all.second + e.reply;
+  }
+  return all;
+}
+
+std::uint16_t word_at(const Bytes& reply, std::size_t i) {
+  return static_cast<std::uint16_t>(reply[9 + 2 * i] << 8 | reply[10 + 2 * i]);
+}
+
+}  // namespace
+
+TEST_CASE("server: every request of the table gets its exact bytes") {
+  Served served;
+  Connection client(served.port());
+  for (const Exchange& e : exchanges())
+    CHECK_MESSAGE(client.ask(e.request, e.reply.size()) == e.reply, std::string(e.what));
+}
+
+TEST_CASE("server: requests that arrive byte by byte are answered in order") {
+  Served served;
+  Connection client(served.port());
+  const auto [requests, replies] = all_exchanges();
+  for (const std::uint8_t byte : requests) REQUIRE(client.send({byte}));
+  CHECK(client.receive(replies.size()) == replies);
+}
+
+TEST_CASE("server: many requests in one segment are all answered in order, also when the client stops sending") {
+  Served served;
+  Connection client(served.port());
+  const auto [requests, replies] = all_exchanges();
+  REQUIRE(client.send(requests + requests));
+  ::shutdown(client.fd(), SHUT_WR);
+  CHECK(client.receive(2 * replies.size()) == replies + replies);
+  CHECK(client.is_closed_by_server());
+}
+
+TEST_CASE("server: reserved unit ids get no answer, and the connection goes on") {
+  Served served;
+  Connection client(served.port());
+  for (int unit = 248; unit < 255; ++unit) {
+    Bytes request = kReadOne;
+    request[6] = static_cast<std::uint8_t>(unit);
+    REQUIRE(client.send(request));
+  }
+  CHECK(is_answered(client));
+}
+
+TEST_CASE("server: a header that is not Modbus closes that client after the requests before it") {
+  Served served;
+  Connection bystander(served.port());
+  for (const char* header : {"0001 0001 0006 01 03 0000 0001",  // protocol id
+                             "0001 0100 0006 01 03 0000 0001",  //
+                             "0001 0000 0000 01 03 0000 0001",  // length without unit id
+                             "0001 0000 0001 01 03 0000 0001",  // length without function
+                             "0001 0000 00FF 01 03 0000 0001",  // longer than any PDU
+                             "0001 0000 FFFF 01 03 0000 0001",  //
+                             "'GET / HTTP/1.1'", "'\r\n\r\n\r\n\r\n'"}) {
+    Connection client(served.port());
+    CHECK_MESSAGE(client.ask(kReadOne + hex(header), kReadOneReply.size()) == kReadOneReply, std::string(header));
+    CHECK_MESSAGE(client.is_closed_by_server(), std::string(header));
+    CHECK(is_answered(bystander));
+  }
+}
+
+TEST_CASE("server: before the first result there is a block, not ready and without values") {
+  ModbusSettings settings;
+  settings.port = 0;
+  ModbusServer server(settings);
+  Connection client(server.port());
+  const Bytes reply = client.ask(hex("0001 0000 0006 01 03 0000 0030"), 9 + 96);
+  REQUIRE(reply.size() == 9 + 96);
+  CHECK(word_at(reply, 0) == 0);
+  CHECK(word_at(reply, 3) == 65535);
+  CHECK(word_at(reply, 5) == 0x8000);
+  CHECK(word_at(reply, 39) == 0x1234);
+}
+
+TEST_CASE("server: the age is that of the moment of the read") {
+  Served served;
+  Connection client(served.port());
+  RegisterImage image;
+  image.words[3] = 7;
+  image.words[4] = 0x4444;
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  image.exposure_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(now - 1s).count();
+  (*served).publish(image);
+  const Bytes request = hex("0001 0000 0006 01 03 0003 0002");
+  const Bytes first = client.ask(request, 13);
+  std::this_thread::sleep_for(10ms);
+  const Bytes second = client.ask(request, 13);
+  REQUIRE(first.size() == 13);
+  REQUIRE(second.size() == 13);
+  CHECK(word_at(first, 0) >= 10000);
+  CHECK(word_at(second, 0) >= word_at(first, 0) + 99);
+  CHECK(word_at(second, 1) == 0x4444);
+  image.exposure_ns += 3600 * 1'000'000'000LL;
+  (*served).publish(image);
+  CHECK(client.ask(request, 13) == hex("0001 0000 0007 01 03 04 0000 4444"));
+}
+
+TEST_CASE("server: 32 clients are served, one more is closed, and a place that becomes free is used again") {
+  Served served(with_clients(32));
+  std::vector<Connection> clients;
+  for (int i = 0; i < 32; ++i) {
+    clients.emplace_back(served.port());
+    REQUIRE(is_answered(clients.back()));
+  }
+  Connection refused(served.port());
+  CHECK(refused.is_closed_by_server());
+  for (Connection& client : clients) CHECK(is_answered(client));
+  clients[17].close();
+  bool served_again = false;
+  for (int attempt = 0; attempt < 200 && !served_again; ++attempt) {  // the server sees the close in its own time
+    Connection next(served.port());
+    served_again = is_answered(next);
+  }
+  CHECK(served_again);
+}
+
+TEST_CASE("server: half frames, floods and unread answers do not keep another client from its answers") {
+  Served served;
+  std::vector<Connection> stalled;
+  for (const std::size_t length : {1U, 6U, 7U, 8U, 11U}) {
+    stalled.emplace_back(served.port());
+    REQUIRE(stalled.back().send(Bytes(kReadOne.begin(), kReadOne.begin() + static_cast<std::ptrdiff_t>(length))));
+  }
+  std::atomic<bool> stop{false};
+  std::atomic<int> floods{0};
+  const auto flood = [&](const Bytes& unit, bool reads_answers) {
+    Bytes bytes;
+    for (int i = 0; i < 200; ++i) bytes = bytes + unit;
+    while (!stop) {
+      Connection hostile(served.port());
+      while (!stop && hostile.send(bytes)) {
+        ++floods;
+        std::array<std::uint8_t, 65536> unread;
+        if (reads_answers) ::recv(hostile.fd(), unread.data(), unread.size(), MSG_DONTWAIT);
+      }
+    }
+  };
+  std::thread reader([&] { flood(kReadOne, true); });
+  std::thread deaf([&] { flood(hex("0001 0000 0005 01 2B 0E 02 00"), false); });
+  std::thread rude(
+      [&] { flood(hex("0001 0000 0006 01 08 0000 0000") + hex("0002 0000 0006 01 03 0000 007E"), false); });
+  std::thread wrong([&] { flood(Bytes(64, 0xFF), false); });
+  while (floods < 20) std::this_thread::yield();
+
+  Connection good(served.port());
+  int answers = 0;
+  for (int i = 0; i < 500; ++i) answers += is_answered(good);
+  stop = true;
+  for (std::thread* thread : {&reader, &deaf, &rude, &wrong}) thread->join();
+  CHECK(answers == 500);
+  for (Connection& client : stalled) CHECK(client.is_closed_by_server());  // the limit for a whole frame
+  CHECK(is_answered(good));
+}
+
+TEST_CASE("server: a client that never reads its answers is dropped") {
+  Served served;
+  Connection deaf(served.port(), 4096);
+  Bytes requests;
+  for (int i = 0; i < 1000; ++i) requests = requests + hex("0001 0000 0006 01 03 0000 0030");
+  int rounds = 0;
+  while (rounds < 1000 && deaf.send(requests)) ++rounds;  // one million answers would be 105 MB
+  CHECK(rounds < 1000);
+  CHECK_FALSE(deaf.send(requests));
+}
+
+TEST_CASE("server: a silent client is closed after the idle limit, a busy one is not") {
+  ModbusSettings settings;
+  settings.idle_limit_s = 1;
+  Served served(settings);
+  Connection silent(served.port()), busy(served.port());
+  int answers = 0;
+  for (int i = 0; i < 8; ++i) {
+    std::this_thread::sleep_for(200ms);
+    answers += is_answered(busy);
+  }
+  CHECK(answers == 8);
+  CHECK(silent.is_closed_by_server());
+}
+
+TEST_CASE("server: clients that vanish before their answers do not kill the process") {
+  Served served;
+  const Bytes illegal = hex("0001 0000 0002 01 07");
+  for (int i = 0; i < 200; ++i) {
+    Connection client(served.port());
+    client.send(i % 2 ? kReadOne + illegal : illegal + kReadOne);
+    ::shutdown(client.fd(), SHUT_WR);  // a reset after this is what raises SIGPIPE
+    client.vanish();
+  }
+  bool answered = false;
+  for (int attempt = 0; attempt < 200 && !answered; ++attempt) {
+    Connection good(served.port());
+    answered = is_answered(good);
+  }
+  CHECK(answered);
+}
+
+TEST_CASE("server: when descriptors run out, clients wait and are served as soon as there are some") {
+  Served served;
+  Connection other(served.port());
+  REQUIRE(is_answered(other));
+  rlimit before{};
+  ::getrlimit(RLIMIT_NOFILE, &before);
+  const rlimit few{128, before.rlim_max};
+  REQUIRE(::setrlimit(RLIMIT_NOFILE, &few) == 0);
+  std::vector<int> fillers;
+  for (int fd = ::dup(0); fd >= 0; fd = ::dup(0)) fillers.push_back(fd);
+  ::close(fillers.back());
+  Connection waiting(served.port());  // takes the last one; the kernel connects it before the server accepts
+  const bool other_answered = is_answered(other);
+  const bool sent = waiting.send(kReadOne);
+  const std::clock_t cpu_before = std::clock();
+  std::this_thread::sleep_for(200ms);
+  const std::clock_t cpu_used = std::clock() - cpu_before;
+  const bool still_answered = is_answered(other);
+  for (std::size_t i = 0; i + 1 < fillers.size(); ++i) ::close(fillers[i]);
+  ::setrlimit(RLIMIT_NOFILE, &before);
+  CHECK(other_answered);
+  CHECK(still_answered);
+  CHECK(cpu_used < CLOCKS_PER_SEC / 100);  // it waits for descriptors and does not spin
+  CHECK(sent);
+  CHECK(waiting.receive(kReadOneReply.size()) == kReadOneReply);
+}
+
+TEST_CASE("server: a read of the block is one snapshot while the publisher never pauses") {
+  Served served;
+  RegisterImage image;
+  (*served).publish(image);
+  std::atomic<bool> stop{false};
+  std::thread publisher([&] {
+    for (std::uint16_t n = 0; !stop; ++n) {
+      image.words.fill(n);
+      (*served).publish(image);
+    }
+    image.words.fill(0xABCD);
+    (*served).publish(image);
+  });
+  int torn = 0, changes = 0;
+  std::uint16_t last = 0;
+  Connection client(served.port());
+  const Bytes request = hex("0001 0000 0006 01 04 0004 002C");
+  for (int i = 0; i < 3000 || (changes < 20 && i < 300'000); ++i) {
+    const Bytes reply = client.ask(request, 9 + 88);
+    REQUIRE(reply.size() == 9 + 88);
+    for (std::size_t w = 1; w < 44; ++w) torn += word_at(reply, w) != word_at(reply, 0);
+    changes += word_at(reply, 0) != std::exchange(last, word_at(reply, 0));
+  }
+  stop = true;
+  publisher.join();
+  CHECK(torn == 0);
+  CHECK(changes >= 20);
+  CHECK(word_at(client.ask(request, 9 + 88), 0) == 0xABCD);  // the last one published is the one that stays
+}
+
+TEST_CASE("server: a port in use is refused, naming address and port") {
+  Served first;
+  ModbusSettings settings;
+  settings.port = first.port();
+  for (const char* address : {"127.0.0.1", "0.0.0.0"}) {
+    settings.address = address;
+    try {
+      ModbusServer second(settings);
+      FAIL("two servers on one port");
+    } catch (const std::system_error& error) {
+      CHECK(error.code() == std::errc::address_in_use);
+      CHECK(std::string(error.what()).find(address + (":" + std::to_string(first.port()))) != std::string::npos);
+    }
+  }
+}
+
+TEST_CASE("server: an address that is not IPv4 or not of this machine is refused by name") {
+  ModbusSettings settings;
+  settings.port = 0;
+  for (const char* address : {"", "plc.local", "::1", "1.2.3", "203.0.113.7"}) {
+    settings.address = address;
+    CHECK_THROWS_WITH_AS(ModbusServer{settings}, doctest::Contains("Modbus cannot listen on"), std::system_error);
+  }
+}
+
+TEST_CASE("server: a restart takes its port over at once, although old connections linger") {
+  ModbusSettings settings;
+  settings.port = 0;
+  auto server = std::make_unique<ModbusServer>(settings);
+  settings.port = server->port();
+  Connection client(settings.port);
+  REQUIRE(client.ask(kReadOne, kReadOneReply.size()).size() == kReadOneReply.size());
+  server.reset();
+  CHECK(client.is_closed_by_server());
+  server = std::make_unique<ModbusServer>(settings);
+  Connection next(settings.port);
+  CHECK(next.ask(kReadOne, kReadOneReply.size()).size() == kReadOneReply.size());
+}
+
+TEST_CASE("server: libmodbus as a client reads the block and understands the refusals") {
+  Served served;
+  const std::unique_ptr<modbus_t, decltype(&modbus_free)> client(modbus_new_tcp("127.0.0.1", served.port()),
+                                                                 &modbus_free);
+  REQUIRE(modbus_connect(client.get()) == 0);
+  std::array<std::uint16_t, 125> words{};
+  CHECK(modbus_read_registers(client.get(), 4, 44, words.data()) == 44);
+  CHECK(words[0] == 0x1004);
+  CHECK(words[43] == 0x102F);
+  CHECK(modbus_read_input_registers(client.get(), 40, 8, words.data()) == 8);
+  CHECK(words[7] == 0x102F);
+  CHECK(modbus_read_registers(client.get(), 40, 9, words.data()) == -1);
+  CHECK(errno == EMBXILADD);
+  CHECK(modbus_write_register(client.get(), 0, 1) == -1);
+  CHECK(errno == EMBXILFUN);
+  std::array<std::uint8_t, 125> bytes{};
+  CHECK(modbus_report_slave_id(client.get(), 125, bytes.data()) == -1);
+  CHECK(errno == EMBXILFUN);
+  CHECK(modbus_read_bits(client.get(), 0, 1, bytes.data()) == -1);
+  CHECK(errno == EMBXILFUN);
+  CHECK(modbus_read_registers(client.get(), 0, 1, words.data()) == 1);
+  modbus_close(client.get());
+}

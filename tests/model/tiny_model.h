@@ -1,0 +1,222 @@
+// A small valid model pack for tests: a bar of 72 tets, three rows of nodes as plates, a network of random weights. Its
+// self-test is only well-formed: whoever serves this pack must put the expected answers in.
+#pragma once
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <vector>
+
+#include "hostgen/pack/model_pack.h"
+
+namespace finsight::test {
+
+/// splitmix64, as floats in [-1, 1).
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : state_(seed) {}
+  float next() {
+    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15u);
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
+    return static_cast<float>((z ^ (z >> 31)) >> 40) / static_cast<float>(1 << 23) - 1;
+  }
+  std::vector<float> numbers(std::size_t count, float size) {
+    std::vector<float> values(count);
+    for (float& value : values) value = size * next();
+    return values;
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+/// Owns every array of the pack; change any of them before views(). A bar of 3 x 7 x 2 nodes, 30 x 120 x 20 mm: base at
+/// y = 0, touched face at z = 0, plates on the back at y = 120 (top), 80 and 40 mm.
+struct TinyModel {
+  static constexpr int kAcross = 3, kUp = 7, kDeep = 2;
+  static constexpr int kNodes = kAcross * kUp * kDeep, kRank = 2, kHidden = 8, kCases = 2;
+
+  std::vector<float> rest_mm;
+  std::vector<std::int32_t> tet_nodes, free_index, front_nodes;
+  std::vector<std::uint8_t> node_kind;
+  std::vector<std::int32_t> order, pattern_start{0}, pattern_row, supernode_start{0}, rows_start{0}, rows;
+  std::vector<float> map_scale, map_weights, map_basis;
+  std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale;
+  std::array<std::vector<std::int8_t>, 3> weights;
+  std::array<std::vector<float>, 3> weight_scale, bias;
+  std::vector<float> prior_mean, prior_covariance;
+  std::vector<float> test_poses, test_shape_mm, test_touch;
+  std::vector<std::uint16_t> test_registers;
+  host::PackViews parts;  ///< the numbers and texts; views() adds the arrays
+
+  TinyModel() {
+    Random random(7);
+    make_nodes();
+    make_tets();
+    make_plan();
+    make_map(random);
+    make_network(random);
+    make_prior(random);
+    make_mount();
+    make_self_test(random);
+    parts.finger_name = "tiny";
+    parts.spec_sha256 = std::string(64, 'a');
+    parts.hostgen_version = "0.0.0";
+    parts.rated_deformation_mm = 10;
+    parts.touch.threshold_mm = 2;
+  }
+
+  host::PackViews views() const {
+    host::PackViews all = parts;
+    const int tets = static_cast<int>(tet_nodes.size() / 4);
+    const CholeskyPlan plan{
+        static_cast<int>(order.size()), order, pattern_start, pattern_row, supernode_start, rows_start, rows};
+    all.shape = {kNodes, tets, rest_mm, tet_nodes, node_kind, free_index, front_nodes, plan};
+    all.shape_map = {kRank, map_scale, map_weights, map_basis};
+    all.touch.scale = touch_scale;
+    all.touch.input_mean = input_mean;
+    all.touch.input_scale = input_scale;
+    all.touch.output_mean = output_mean;
+    all.touch.output_scale = output_scale;
+    for (std::size_t i = 0; i < 3; ++i) {
+      all.touch.layers[i] = {layer_width(i), layer_width(i + 1), weights[i], weight_scale[i], bias[i]};
+    }
+    all.prior = {prior_mean, prior_covariance};
+    all.self_test = {kCases, test_poses, test_shape_mm, test_touch, test_registers};
+    return all;
+  }
+
+  void write(const std::filesystem::path& file) const { host::write_model_pack(file, views()); }
+
+ private:
+  static int node_at(int i, int j, int k) { return (j * kDeep + k) * kAcross + i; }
+  static int layer_width(std::size_t i) {
+    return std::array{TouchModel::kInputs, kHidden, kHidden, TouchModel::kOutputs}[i];
+  }
+
+  void make_nodes() {
+    std::int32_t free_nodes = 0;
+    for (int j = 0; j < kUp; ++j) {
+      for (int k = 0; k < kDeep; ++k) {
+        for (int i = 0; i < kAcross; ++i) {
+          const float at[] = {15.f * static_cast<float>(i - 1), 20.f * static_cast<float>(j),
+                              20.f * static_cast<float>(k)};
+          rest_mm.insert(rest_mm.end(), at, at + 3);
+          const bool plate = k == 1 && j >= 2 && j % 2 == 0;  // levels 6, 4, 2: top, middle, low
+          const int kind = j == 0 ? 1 : plate ? 2 + (6 - j) / 2 : 0;
+          node_kind.push_back(static_cast<std::uint8_t>(kind));
+          free_index.push_back(kind == 0 ? free_nodes++ : -1);
+          if (k == 0) front_nodes.push_back(node_at(i, j, k));
+        }
+      }
+    }
+  }
+
+  /// Each box becomes six tets, one per path from its lowest to its highest corner: neighbours share their diagonals.
+  void make_tets() {
+    for (int j = 0; j + 1 < kUp; ++j) {
+      for (int i = 0; i + 1 < kAcross; ++i) {
+        std::array<int, 3> axes{0, 1, 2};
+        do {
+          std::array<int, 3> corner{i, j, 0};
+          std::vector<std::int32_t> tet{node_at(i, j, 0)};
+          for (const int axis : axes) {
+            ++corner[static_cast<std::size_t>(axis)];
+            tet.push_back(node_at(corner[0], corner[1], corner[2]));
+          }
+          const int inversions = (axes[0] > axes[1]) + (axes[1] > axes[2]) + (axes[0] > axes[2]);
+          if (inversions % 2 == 1) std::swap(tet[2], tet[3]);
+          tet_nodes.insert(tet_nodes.end(), tet.begin(), tet.end());
+        } while (std::next_permutation(axes.begin(), axes.end()));
+      }
+    }
+  }
+
+  /// Elimination in the reverse order of the free nodes, one column per supernode.
+  void make_plan() {
+    const int blocks = static_cast<int>(std::count(node_kind.begin(), node_kind.end(), 0));
+    const auto position = [&](std::int32_t node) { return blocks - 1 - free_index[static_cast<std::size_t>(node)]; };
+    std::vector<std::set<std::int32_t>> pattern(static_cast<std::size_t>(blocks));
+    for (std::size_t t = 0; t < tet_nodes.size(); ++t) {
+      for (std::size_t other = t / 4 * 4; other < t / 4 * 4 + 4; ++other) {
+        if (free_index[static_cast<std::size_t>(tet_nodes[t])] < 0) continue;
+        if (free_index[static_cast<std::size_t>(tet_nodes[other])] < 0) continue;
+        const int column = position(tet_nodes[t]), row = position(tet_nodes[other]);
+        if (column <= row) pattern[static_cast<std::size_t>(column)].insert(row);
+      }
+    }
+    std::vector<std::set<std::int32_t>> factor = pattern;
+    for (int j = 0; j < blocks; ++j) {
+      const auto column = static_cast<std::size_t>(j);
+      order.push_back(blocks - 1 - j);
+      pattern_row.insert(pattern_row.end(), pattern[column].begin(), pattern[column].end());
+      pattern_start.push_back(static_cast<std::int32_t>(pattern_row.size()));
+      supernode_start.push_back(j + 1);
+      factor[column].erase(j);
+      rows.insert(rows.end(), factor[column].begin(), factor[column].end());
+      rows_start.push_back(static_cast<std::int32_t>(rows.size()));
+      if (!factor[column].empty()) {
+        auto& parent = factor[static_cast<std::size_t>(*factor[column].begin())];
+        parent.insert(factor[column].begin(), factor[column].end());
+      }
+    }
+  }
+
+  void make_map(Random& random) {
+    for (int i = 0; i < 18; ++i) map_scale.push_back(i % 6 < 3 ? 0.1f : 1.f);
+    map_weights = random.numbers(kRank * ShapeMapModel::kFeatures, 0.1f);
+    for (int r = 0; r < kRank; ++r) map_weights[static_cast<std::size_t>(r * ShapeMapModel::kFeatures)] = 0;  // rest
+    map_basis = random.numbers(kRank * 3 * kNodes, 0.1f);
+  }
+
+  void make_network(Random& random) {
+    for (int i = 0; i < 18; ++i) touch_scale.push_back(i % 6 < 3 ? 1.f : 20.f);
+    input_mean = random.numbers(TouchModel::kInputs, 0.1f);
+    input_scale.assign(TouchModel::kInputs, 1.5f);
+    output_mean = {0, 60, 0, 0, 0, 2, 3, 0, 0, 0, -1};
+    output_scale = {5, 20, 1, 0.5f, 0.5f, 2, 1, 0.1f, 0.1f, 0.1f, 0.1f};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto inputs = static_cast<std::size_t>(layer_width(i)),
+                 outputs = static_cast<std::size_t>(layer_width(i + 1));
+      for (const float value : random.numbers(inputs * outputs, 127))
+        weights[i].push_back(static_cast<std::int8_t>(value));
+      weight_scale[i].assign(outputs, 0.005f);
+      bias[i] = random.numbers(outputs, 0.1f);
+    }
+  }
+
+  /// Plates that move together towards the back, with a little motion of their own.
+  void make_prior(Random& random) {
+    prior_mean = random.numbers(18, 0.01f);
+    Eigen::Matrix<float, 18, 1> common = Eigen::Matrix<float, 18, 1>::Zero();
+    for (int p = 0; p < kPlates; ++p) common.segment<6>(6 * p) << 0, -0.5f, 3, 0.05f, 0, 0;
+    Eigen::Matrix<float, 18, 18> covariance = common * common.transpose();
+    for (int i = 0; i < 18; ++i) covariance(i, i) += i % 6 < 3 ? 0.25f : 0.001f;
+    prior_covariance.assign(covariance.data(), covariance.data() + covariance.size());
+  }
+
+  void make_mount() {
+    MountModel& mount = parts.mount;
+    mount.T_finger_camera.setIdentity();  // below the base, looking up
+    mount.T_finger_camera.linear() << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+    mount.T_finger_camera.translation() << 0, -60, 10;
+    for (int p = 0; p < kPlates; ++p) {
+      Eigen::Isometry3f& T = mount.T_finger_marker[static_cast<std::size_t>(p)];
+      T.setIdentity();  // facing down
+      T.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+      T.translation() << 0, 120 - 40 * static_cast<float>(p), 20 - 10 * static_cast<float>(p);
+    }
+    mount.marker_id = {3, 1, 4};
+    mount.marker_size_mm = 8;
+  }
+
+  void make_self_test(Random& random) {
+    test_poses = random.numbers(18 * kCases, 0.05f);
+    for (int c = 0; c < kCases; ++c) test_shape_mm.insert(test_shape_mm.end(), rest_mm.begin(), rest_mm.end());
+    test_touch.assign(7 * kCases, 0);
+    test_registers.assign(kMeasurementRegisters * kCases, 0);
+  }
+};
+
+}  // namespace finsight::test

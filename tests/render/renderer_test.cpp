@@ -1,0 +1,270 @@
+#include "hostgen/render/renderer.h"
+
+#include <doctest/doctest.h>
+
+#include <numbers>
+#include <numeric>
+#include <opencv2/calib3d.hpp>
+
+#include "firmware/vision/vision_stages.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+namespace {
+
+using Plates = std::array<PlateMotion, kPlates>;
+using Picture = std::vector<std::uint8_t>;
+
+FingerSpec default_spec() { return read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml"); }
+
+/// A picture that nothing spoils, on an even background.
+PictureQuality clean() {
+  return {.blur_px = 0, .read_noise = 0, .shot_noise = 0, .vignetting = 0, .light_gradient = 0};
+}
+
+Picture rendered(const FingerSpec& spec, const CameraIntrinsics& camera, const PictureQuality& quality,
+                 const Plates& plates, std::uint64_t seed = 1) {
+  Picture grey;
+  Renderer(spec, camera, quality, seed).render(plates, grey);
+  return grey;
+}
+
+/// Where OpenCV sees points of a plate's face (u right, v up), when the plate has moved.
+std::vector<cv::Point2d> seen_at(const FingerSpec& spec, const CameraIntrinsics& c, int plate,
+                                 const PlateMotion& motion, const std::vector<Eigen::Vector2d>& points_mm) {
+  const Eigen::Isometry3d& rest = spec.plates[plate].T_finger_marker;
+  const Eigen::Vector3d r = motion.rotation_rad.cast<double>();
+  const Eigen::AngleAxisd turn(r.norm(), r.norm() > 0 ? Eigen::Vector3d(r.normalized()) : Eigen::Vector3d::UnitX());
+  std::vector<cv::Point3d> in_camera;
+  for (const Eigen::Vector2d& point : points_mm) {
+    const Eigen::Vector3d from_middle = rest.linear() * Eigen::Vector3d(point.x(), point.y(), 0);
+    const Eigen::Vector3d in_finger = turn * from_middle + rest.translation() + motion.displacement_mm.cast<double>();
+    const Eigen::Vector3d seen = spec.T_finger_camera.inverse() * in_finger;
+    in_camera.emplace_back(seen.x(), seen.y(), seen.z());
+  }
+  std::vector<cv::Point2d> pixels;
+  cv::projectPoints(in_camera, cv::Vec3d(), cv::Vec3d(), cv::Matx33d(c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1),
+                    std::vector<double>{c.k1, c.k2, c.p1, c.p2, c.k3}, pixels);
+  return pixels;
+}
+
+/// Area and centroid of a polygon.
+Eigen::Vector3d polygon_moments(const std::vector<cv::Point2d>& corners) {
+  double twice_area = 0, x = 0, y = 0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const cv::Point2d a = corners[i], b = corners[(i + 1) % corners.size()];
+    const double cross = a.x * b.y - b.x * a.y;
+    twice_area += cross;
+    x += (a.x + b.x) * cross;
+    y += (a.y + b.y) * cross;
+  }
+  return {std::abs(twice_area) / 2, x / (3 * twice_area), y / (3 * twice_area)};
+}
+
+/// Mean of a 3 x 3 patch.
+double grey_at(const Picture& grey, int width_px, const cv::Point2d& pixel) {
+  double sum = 0;
+  for (int dy = -1; dy <= 1; ++dy) {
+    for (int dx = -1; dx <= 1; ++dx) {
+      sum += grey[static_cast<std::size_t>(std::lround(pixel.y) + dy) * width_px + std::lround(pixel.x) + dx];
+    }
+  }
+  return sum / 9;
+}
+
+Plates pushed() {
+  Plates plates;
+  plates[kTopPlate] = {Vec3f(2.0f, -1.5f, 9.0f), Vec3f(0.2f, 0.05f, -0.1f)};
+  plates[kMiddlePlate] = {Vec3f(-1.0f, -0.5f, 4.0f), Vec3f(0.15f, 0.0f, 0.05f)};
+  plates[kLowPlate] = {Vec3f(0.3f, 0.1f, 1.0f), Vec3f(0.05f, 0.02f, 0.0f)};
+  return plates;
+}
+
+}  // namespace
+
+TEST_CASE("renderer: every module of every marker has its grey where OpenCV projects it") {
+  const FingerSpec spec = default_spec();
+  for (const CameraIntrinsics& camera : spec.cameras) {
+    PictureQuality usual = clean();
+    usual.blur_px = 0.6;
+    usual.read_noise = 1.5;
+    usual.shot_noise = 0.15;
+    Renderer sharp_renderer(spec, camera, clean(), 1), noisy_renderer(spec, camera, usual, 1);
+    for (const Plates& plates : {Plates{}, pushed()}) {
+      Picture sharp, noisy;
+      sharp_renderer.render(plates, sharp);
+      noisy_renderer.render(plates, noisy);
+      for (int plate = 0; plate < kPlates; ++plate) {
+        const auto modules = marker_modules(spec.plates[plate].marker_id);
+        const double module_mm = spec.marker_size_mm / 6;
+        for (int row = -1; row <= 6; ++row) {
+          for (int column = -1; column <= 6; ++column) {
+            const bool border = row < 0 || row > 5 || column < 0 || column > 5;
+            const double expected = border || modules[row * 6 + column] ? 205 : 28;
+            const Eigen::Vector2d middle((column - 2.5) * module_mm, (2.5 - row) * module_mm);
+            const cv::Point2d pixel = seen_at(spec, camera, plate, plates[plate], {middle})[0];
+            CAPTURE(plate);
+            CAPTURE(row);
+            CAPTURE(column);
+            CHECK(grey_at(sharp, camera.width_px, pixel) == doctest::Approx(expected).epsilon(0.001));
+            CHECK(std::abs(grey_at(noisy, camera.width_px, pixel) - expected) < 9);
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("renderer: a plate's area and centroid are those of its projected outline, wherever it moves") {
+  FingerSpec spec = default_spec();
+  const CameraIntrinsics& camera = spec.cameras[0];
+  spec.plates[kMiddlePlate].across = {0, 1e-9};  // only the low plate is left: the nearest, far off the axis
+  spec.plates[kTopPlate].across = {0, 1e-9};
+  PictureQuality white_on_black = clean();
+  white_on_black.white = white_on_black.black = white_on_black.plate = 200;
+  white_on_black.background = 0;
+  const double y_mm = spec.plates[kLowPlate].T_finger_marker.translation().y();
+  const double half_width_mm = 0.25 * (spec.half_width.at(y_mm) - spec.side_wall_mm);
+  const double depth_mm = spec.back_z.at(y_mm) - spec.back_wall_mm - spec.front_z.at(y_mm) - spec.front_wall_mm;
+  const double half_height_mm = 0.16 * depth_mm;
+  std::vector<Eigen::Vector2d> outline;
+  const std::array<Eigen::Vector2d, 5> corners = {{{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}}};
+  for (int edge = 0; edge < 4; ++edge) {
+    for (int i = 0; i < 200; ++i) {
+      const Eigen::Vector2d point = corners[edge] + i / 200.0 * (corners[edge + 1] - corners[edge]);
+      outline.emplace_back(point.x() * half_width_mm, point.y() * half_height_mm);
+    }
+  }
+  const std::vector<PlateMotion> motions = {{},
+                                            {Vec3f(1, 0, 0), Vec3f::Zero()},
+                                            {Vec3f(0, 0, 1), Vec3f::Zero()},
+                                            {Vec3f(0, -1, 0), Vec3f::Zero()},
+                                            {Vec3f(0.3f, 0, 0.2f), Vec3f(0.1f, 0.3f, -0.2f)}};
+  for (const double blur_px : {0.0, 1.2}) {
+    white_on_black.blur_px = blur_px;
+    Renderer renderer(spec, camera, white_on_black, 1);
+    for (const PlateMotion& motion : motions) {
+      Plates plates;
+      plates[kLowPlate] = motion;
+      Picture grey;
+      renderer.render(plates, grey);
+      Eigen::Vector3d found = Eigen::Vector3d::Zero();
+      for (int y = 0, i = 0; y < camera.height_px; ++y) {
+        for (int x = 0; x < camera.width_px; ++x, ++i) found += grey[i] / 200.0 * Eigen::Vector3d(1, x, y);
+      }
+      const Eigen::Vector3d expected = polygon_moments(seen_at(spec, camera, kLowPlate, motion, outline));
+      CAPTURE(motion.displacement_mm.transpose());
+      CHECK(found[0] == doctest::Approx(expected[0]).epsilon(0.0005));
+      CHECK(std::abs(found[1] / found[0] - expected[1]) < 0.01);
+      CHECK(std::abs(found[2] / found[0] - expected[2]) < 0.01);
+    }
+  }
+}
+
+TEST_CASE("renderer: the same seed gives the same bytes, another seed or the next picture other noise") {
+  const FingerSpec spec = default_spec();
+  const CameraIntrinsics& camera = spec.cameras[1];
+  Renderer one(spec, camera, {}, 7), same(spec, camera, {}, 7), other(spec, camera, {}, 8);
+  Picture first, first_again, second, second_again, different;
+  one.render(pushed(), first);
+  one.render(pushed(), second);
+  same.render(pushed(), first_again);
+  same.render(pushed(), second_again);
+  other.render(pushed(), different);
+  CHECK(first == first_again);
+  CHECK(second == second_again);
+  CHECK(first != second);
+  CHECK(first != different);
+}
+
+TEST_CASE("renderer: noise has the stated size, mean zero, and no two pixels alike") {
+  FingerSpec spec = default_spec();
+  const CameraIntrinsics& camera = spec.cameras[1];
+  PictureQuality quality = clean();
+  quality.read_noise = 3;
+  quality.shot_noise = 0.4;
+  Renderer noisy(spec, camera, quality, 3);
+  const Picture truth = rendered(spec, camera, clean(), {}, 3);
+  Picture grey;
+  noisy.render({}, grey);
+  double sum = 0, sum_sq = 0, neighbours = 0, expected_sq = 0;
+  const auto error = [&](std::size_t i) { return static_cast<double>(grey[i]) - truth[i]; };
+  for (std::size_t i = 0; i + 1 < grey.size(); ++i) {
+    sum += error(i);
+    sum_sq += error(i) * error(i);
+    neighbours += error(i) * error(i + 1);
+    expected_sq += 9 + 0.16 * truth[i] + 1.0 / 6;  // both pictures are rounded
+  }
+  const double count = static_cast<double>(grey.size());
+  CHECK(std::abs(sum / count) < 0.05);
+  CHECK(sum_sq == doctest::Approx(expected_sq).epsilon(0.01));
+  CHECK(std::abs(neighbours / sum_sq) < 0.02);
+}
+
+TEST_CASE("renderer: the light falls off towards the corners and from right to left") {
+  const FingerSpec spec = default_spec();
+  const CameraIntrinsics& camera = spec.cameras[0];
+  PictureQuality quality = clean();
+  quality.vignetting = 0.35;
+  quality.light_gradient = 0.25;
+  const Picture lit = rendered(spec, camera, quality, {}), even = rendered(spec, camera, clean(), {});
+  const auto share = [&](int x, int y) {
+    const cv::Point2d pixel(x, y);
+    return grey_at(lit, camera.width_px, pixel) / grey_at(even, camera.width_px, pixel);
+  };
+  CHECK(share(640, 100) == doctest::Approx(1 - 0.35 * 260 * 260 / (640.0 * 640 + 360 * 360)).epsilon(0.03));
+  CHECK(share(3, 360) == doctest::Approx((1 - 0.35 * 0.76) * 0.875).epsilon(0.03));
+  CHECK(share(1276, 360) == doctest::Approx((1 - 0.35 * 0.76) * 1.125).epsilon(0.03));
+  CHECK(share(3, 3) == doctest::Approx(0.65 * 0.875).epsilon(0.03));
+}
+
+TEST_CASE("renderer: the nearer plate covers the farther one, whichever comes first") {
+  FingerSpec spec = default_spec();
+  const CameraIntrinsics& camera = spec.cameras[0];
+  Plates plates;
+  // The middle of the top plate is brought onto the line of sight to the middle of the low one, behind it.
+  const Eigen::Vector3d eye = spec.T_finger_camera.translation();
+  const Eigen::Vector3d low = spec.plates[kLowPlate].T_finger_marker.translation();
+  const Eigen::Vector3d top = spec.plates[kTopPlate].T_finger_marker.translation();
+  plates[kTopPlate].displacement_mm = (eye + 1.3 * (low - eye) - top).cast<float>();
+  const Picture grey = rendered(spec, camera, clean(), plates);
+  const double module_mm = spec.marker_size_mm / 6;
+  const auto modules = marker_modules(spec.plates[kLowPlate].marker_id);
+  for (int i = 0; i < 36; ++i) {
+    const Eigen::Vector2d middle((i % 6 - 2.5) * module_mm, (2.5 - i / 6) * module_mm);
+    const cv::Point2d pixel = seen_at(spec, camera, kLowPlate, {}, {middle})[0];
+    CHECK(grey_at(grey, camera.width_px, pixel) == doctest::Approx(modules[i] ? 205 : 28).epsilon(0.001));
+  }
+}
+
+TEST_CASE("renderer: plates that cannot be seen leave the background as it is") {
+  const FingerSpec spec = default_spec();
+  const CameraIntrinsics& camera = spec.cameras[1];
+  const float half_turn = static_cast<float>(std::numbers::pi);
+  const std::vector<PlateMotion> unseen = {{Vec3f(0, -300, 0), Vec3f::Zero()},        // behind the camera
+                                           {Vec3f(0, 0, 0), Vec3f(half_turn, 0, 0)},  // from behind
+                                           {Vec3f(3000, 0, 0), Vec3f::Zero()},        // far beside
+                                           {Vec3f(-80, 0, 0), Vec3f::Zero()}};        // beside the picture
+  Plates away;
+  away.fill(unseen[0]);
+  Renderer renderer(spec, camera, clean(), 1);
+  Picture empty, grey;
+  renderer.render(away, empty);
+  const auto [darkest, brightest] = std::minmax_element(empty.begin(), empty.end());
+  CHECK(*darkest > 40);
+  CHECK(*brightest < 100);
+  for (const PlateMotion& motion : unseen) {
+    Plates plates = away;
+    plates[kLowPlate] = motion;
+    renderer.render(plates, grey);
+    CHECK(grey == empty);
+  }
+  // A plate that passes through the camera is drawn without harm, whatever it looks like.
+  for (float y = -70; y < -40; y += 0.5f) {
+    Plates plates = away;
+    plates[kLowPlate] = {Vec3f(12, y, 1), Vec3f(0.6f, 0.3f, 0.1f)};
+    renderer.render(plates, grey);
+    CHECK(grey.size() == empty.size());
+  }
+}

@@ -1,0 +1,241 @@
+#!/usr/bin/python3
+"""The whole path with the real programs: spec -> pack -> rendered session -> finsightd -> clients that we did not write.
+
+usage: end_to_end.py BINARY_DIR SOURCE_DIR [unittest arguments]
+"""
+import csv
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+from live_table import session_truth, watch
+from register_block import Reader
+
+BINARIES = Path(sys.argv.pop(1))
+SOURCE = Path(sys.argv.pop(1))
+WORK = BINARIES / "system-test"
+PACK = WORK / "srm.safetensors"
+SESSION = WORK / "session"
+SPEC = SOURCE / "hostgen" / "fingers" / "srm.toml"
+
+
+def run(*words, **options):
+    return subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=1200, **options)
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Firmware:
+    """A running finsightd; stops it at the end of a `with` block."""
+
+    def __init__(self, source, pack=PACK, extra_arguments=()):
+        self.port = free_port()
+        self.folder = tempfile.TemporaryDirectory()
+        settings = Path(self.folder.name) / "board.toml"
+        settings.write_text(f'pack = "{pack}"\n[source]\n{source}\n[modbus]\nport = {self.port}\n')
+        self.process = subprocess.Popen([BINARIES / "finsightd", "--settings", settings, *extra_arguments],
+                                        stderr=subprocess.PIPE, text=True)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.send_signal(signal.SIGTERM)
+        self.errors = self.process.communicate(timeout=10)[1]
+        self.folder.cleanup()
+
+
+def session_source(speed="recorded", repeat="true"):
+    return f'kind = "session"\npath = "{SESSION}"\nspeed = "{speed}"\nrepeat = {repeat}'
+
+
+class WholePath(unittest.TestCase):
+    def test_touch_is_read_within_the_stated_error(self):
+        truth = session_truth(SESSION)
+        with Firmware(session_source()) as firmware:
+            reader = Reader(firmware.port)
+            errors, _, latencies, frames, _ = watch(reader, truth, 12, of_pen=False)
+            reader.close()
+        self.assertGreater(frames, 300, "most of 12 s at 60 frames/s are seen by the client")
+        strong = [error for error, motion, _ in errors if motion >= 4]
+        self.assertGreater(len(strong), 50)
+        self.assertLessEqual(sum(strong) / len(strong), 2.5, "mean touch error, mm, at plate motion >= 4 mm")
+        self.assertEqual(firmware.process.returncode, 0)
+
+    def test_no_touch_is_published_while_the_finger_rests(self):
+        truth = session_truth(SESSION)
+        with Firmware(session_source()) as firmware:
+            reader = Reader(firmware.port)
+            false_touches = 0
+            for _ in range(600):
+                block = reader.read()
+                if block.has(0) and truth[block.frame % len(truth)][2] < 0.5 and block.touch_valid:
+                    false_touches += 1
+                time.sleep(0.01)
+            reader.close()
+        self.assertEqual(false_touches, 0)
+
+    def test_mbpoll_sees_the_block_change(self):
+        with Firmware(session_source()) as firmware:
+            Reader(firmware.port).close()
+            answers = []
+            for _ in range(4):
+                answer = run("mbpoll", "-m", "tcp", "-t", "3", "-r", "1", "-c", "40", "-1", "-p", firmware.port,
+                             "127.0.0.1")
+                self.assertEqual(answer.returncode, 0, answer.stdout + answer.stderr)
+                values = [line.split()[1] for line in answer.stdout.splitlines() if line.startswith("[")]
+                self.assertEqual(len(values), 40)
+                self.assertEqual(int(values[39]), 0x1234)
+                answers.append(values)
+                time.sleep(0.5)
+        self.assertGreater(len({tuple(a[:20]) for a in answers}), 1, "a moving touch changes the registers")
+
+    def test_two_replays_publish_the_same_registers(self):
+        blocks = []
+        for name in ("first", "second"):
+            log = WORK / f"{name}.csv"
+            with Firmware(session_source(speed="full", repeat="false"), extra_arguments=("--registers", log)) as firmware:
+                self.assertEqual(firmware.process.wait(120), 0)
+            with open(log, newline="") as file:
+                rows = list(csv.reader(file))
+            # Latency (register 4) is the one word that depends on the machine's speed.
+            blocks.append([row[:4] + row[5:] for row in rows])
+        self.assertGreater(len(blocks[0]), 600)
+        self.assertEqual(blocks[0], blocks[1])
+
+
+class BadInput(unittest.TestCase):
+    def check(self, pack):
+        with tempfile.TemporaryDirectory() as folder:
+            settings = Path(folder) / "board.toml"
+            settings.write_text(f'pack = "{pack}"\n[source]\n{session_source()}\n[modbus]\nport = 0\n')
+            return run(BINARIES / "finsightd", "--settings", settings, "--check")
+
+    def test_the_good_pack_passes(self):
+        answer = self.check(PACK)
+        self.assertEqual(answer.returncode, 0, answer.stderr)
+
+    def test_one_flipped_byte_is_refused_and_its_tensor_named(self):
+        good = PACK.read_bytes()
+        header_length = int.from_bytes(good[:8], "little")
+        import json
+        header = json.loads(good[8:8 + header_length])
+        for name in ("shape.rest_mm", "touch.weights1", "map.basis", "cholesky.rows", "self_test.registers"):
+            begin, end = header[name]["data_offsets"]
+            bad = bytearray(good)
+            bad[8 + header_length + (begin + end) // 2] ^= 0x10
+            path = WORK / "flipped.safetensors"
+            path.write_bytes(bad)
+            answer = self.check(path)
+            self.assertEqual(answer.returncode, 2)
+            self.assertIn(name, answer.stderr)
+
+    def test_a_truncated_pack_is_refused(self):
+        path = WORK / "short.safetensors"
+        path.write_bytes(PACK.read_bytes()[:-100])
+        self.assertEqual(self.check(path).returncode, 2)
+
+    def test_a_used_port_is_a_clear_error(self):
+        with socket.socket() as taken, tempfile.TemporaryDirectory() as folder:
+            taken.bind(("127.0.0.1", 0))
+            taken.listen()
+            port = taken.getsockname()[1]
+            settings = Path(folder) / "board.toml"
+            settings.write_text(f'pack = "{PACK}"\n[source]\n{session_source()}\n[modbus]\nport = {port}\n')
+            answer = run(BINARIES / "finsightd", "--settings", settings)
+        self.assertEqual(answer.returncode, 1)
+        self.assertIn(str(port), answer.stderr)
+
+    def test_unknown_settings_name_their_line(self):
+        with tempfile.TemporaryDirectory() as folder:
+            settings = Path(folder) / "board.toml"
+            settings.write_text(f'pack = "{PACK}"\n[source]\n{session_source()}\n[modbus]\nprot = 1\n')
+            answer = run(BINARIES / "finsightd", "--settings", settings)
+        self.assertEqual(answer.returncode, 2)
+        self.assertIn("board.toml:8", answer.stderr)
+        self.assertIn("prot", answer.stderr)
+
+
+class Hostgen(unittest.TestCase):
+    def test_the_same_spec_and_seed_give_the_same_pack_bytes(self):
+        packs = []
+        for name, cores in (("one", "0"), ("two", "0,1")):
+            path = WORK / f"{name}.safetensors"
+            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--points", "10", "--forces", "2",
+                       "--training-steps", "200"]
+            if len(os.sched_getaffinity(0)) > 1:
+                command = ["taskset", "-c", cores] + command
+            answer = run(*command)
+            self.assertEqual(answer.returncode, 0, answer.stderr)
+            packs.append(path.read_bytes())
+        self.assertEqual(packs[0], packs[1])
+
+    def test_an_interrupted_build_leaves_nothing_half_written(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "pack.safetensors"
+            process = subprocess.Popen([BINARIES / "hostgen", "build", SPEC, "-o", path],
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            time.sleep(3)
+            process.send_signal(signal.SIGINT)
+            self.assertEqual(process.wait(60), 1)
+            self.assertEqual(os.listdir(folder), [])
+
+    def test_bad_usage_and_bad_specs_exit_with_2(self):
+        self.assertEqual(run(BINARIES / "hostgen", "nonsense").returncode, 2)
+        self.assertEqual(run(BINARIES / "hostgen", "mesh", "/no/such.toml", "-o", "/tmp/x.vtu").returncode, 2)
+        self.assertEqual(run(BINARIES / "hostgen", "--help").returncode, 0)
+
+
+class RealFinger(unittest.TestCase):
+    def test_a_recorded_motion_runs_through_to_the_registers(self):
+        data = os.environ.get("FINSIGHT_DATA")
+        recordings = Path(data or "") / "touch-recordings" / "recordings.csv"
+        if not data or not recordings.is_file():
+            self.skipTest("FINSIGHT_DATA names no touch-recordings/recordings.csv")
+        with open(recordings, newline="") as file:
+            name = next(csv.DictReader(file))["recording"]
+        source = f'kind = "poses"\npath = "{recordings.resolve()}"\nrecording = "{name}"\nrepeat = true'
+        with Firmware(source) as firmware:
+            reader = Reader(firmware.port)
+            time.sleep(0.5)
+            blocks = []
+            for _ in range(300):
+                blocks.append(reader.read())
+                time.sleep(0.01)
+            reader.close()
+        for block in blocks:
+            self.assertTrue(block.has(5), "the top plate is seen")
+            self.assertFalse(block.has(6) or block.has(7), "the other two are not")
+            self.assertFalse(block.has(3), "a shape from one plate is not called valid")
+        touched = [block for block in blocks if block.touch_valid]
+        self.assertTrue(touched)
+        for block in touched:
+            self.assertTrue(all(math.isfinite(v) for v in block.point_mm))
+            self.assertGreater(block.radius_mm, 0)
+
+
+def prepare():
+    """The pack and the session that the tests share; made again when a program or the spec is newer."""
+    WORK.mkdir(exist_ok=True)
+    newest = max((BINARIES / "hostgen").stat().st_mtime, SPEC.stat().st_mtime)
+    if not PACK.exists() or PACK.stat().st_mtime < newest:
+        subprocess.run([BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--profile", "quick"], check=True)
+    if not SESSION.exists() or SESSION.stat().st_mtime < newest:
+        subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", SESSION, "--size", "640x480", "--seed", "7"],
+                       check=True)
+
+
+if __name__ == "__main__":
+    prepare()
+    unittest.main(verbosity=2)

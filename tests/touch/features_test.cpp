@@ -1,0 +1,72 @@
+#include "firmware/touch/features.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <vector>
+
+using namespace finsight;
+
+namespace {
+
+// Scale 1, no normalisation.
+struct PlainModel {
+  std::vector<float> ones = std::vector<float>(TouchModel::kInputs, 1), zeros = std::vector<float>(TouchModel::kInputs, 0);
+  TouchModel model;
+  PlainModel() {
+    model.scale = std::span(ones).first(18);
+    model.input_mean = zeros;
+    model.input_scale = ones;
+  }
+};
+
+PlateNumbers some_numbers() {
+  PlateNumbers numbers;
+  for (int i = 0; i < 18; ++i) numbers[i] = std::sin(1.0f + float(i));
+  return numbers;
+}
+
+}  // namespace
+
+TEST_CASE("features: the direction has length one, the size is logarithmic, the flags are 1 and 0") {
+  const PlainModel plain;
+  std::array<float, TouchModel::kInputs> inputs, twice;
+  touch_features(plain.model, some_numbers(), {true, false, true}, inputs);
+  touch_features(plain.model, 2 * some_numbers(), {true, true, true}, twice);
+  float length_sq = 0;
+  for (std::size_t i = 0; i < 18; ++i) {
+    length_sq += inputs[i] * inputs[i];
+    CHECK(twice[i] == doctest::Approx(double(inputs[i])).epsilon(1e-3));
+  }
+  CHECK(length_sq == doctest::Approx(1).epsilon(1e-3));
+  CHECK(double(inputs[18]) == doctest::Approx(std::log(double(some_numbers().norm()) + 1e-3)));
+  CHECK(double(twice[18] - inputs[18]) == doctest::Approx(std::log(2)).epsilon(1e-3));
+  CHECK(inputs[19] == 1);
+  CHECK(inputs[20] == 0);
+  CHECK(inputs[21] == 1);
+}
+
+TEST_CASE("features: at rest they are finite") {
+  const PlainModel plain;
+  std::array<float, TouchModel::kInputs> inputs;
+  touch_features(plain.model, PlateNumbers::Zero(), {true, true, true}, inputs);
+  for (std::size_t i = 0; i < 18; ++i) CHECK(inputs[i] == 0);
+  CHECK(double(inputs[18]) == doctest::Approx(std::log(1e-3)));
+}
+
+TEST_CASE("features: scale acts before the direction, mean and input scale after it") {
+  PlainModel plain;
+  std::vector<float> scale(18, 1), mean(TouchModel::kInputs, 0.5f), factor(TouchModel::kInputs, 3);
+  scale[3] = 20;
+  plain.model.scale = scale;
+  plain.model.input_mean = mean;
+  plain.model.input_scale = factor;
+  PlateNumbers numbers = PlateNumbers::Zero();
+  numbers[0] = 3;
+  numbers[3] = 0.2f;  // scaled 4: the direction is 0.6, 0.8
+  std::array<float, TouchModel::kInputs> inputs;
+  touch_features(plain.model, numbers, {true, true, true}, inputs);
+  CHECK(double(inputs[0]) == doctest::Approx(3 * (0.6 - 0.5)).epsilon(2e-3));
+  CHECK(double(inputs[3]) == doctest::Approx(3 * (0.8 - 0.5)).epsilon(2e-3));
+  CHECK(double(inputs[19]) == doctest::Approx(1.5));
+}

@@ -1,0 +1,177 @@
+#include "firmware/touch/touch_stage.h"
+
+#include <doctest/doctest.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+
+#include "firmware/model/plate_prior.h"
+#include "hostgen/learn/touch_network.h"
+#include "tests/learn/synthetic_finger.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+// Every allocation of this program, whichever operator or library asks for it, is counted; sanitizers have their own.
+#if !defined(__SANITIZE_ADDRESS__)
+namespace {
+std::atomic<long> allocations{0};
+}
+extern "C" void* __libc_malloc(std::size_t);
+extern "C" void* malloc(std::size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+#endif
+
+namespace {
+
+// A network trained for a moment: enough to have every part of a real one.
+TouchNetwork& trained() {
+  static TouchNetwork network = [] {
+    const StateInterpolant states(test::synthetic_dataset().states);
+    Random random(1);
+    const std::vector<TouchSample> touches = draw_touches(test::synthetic_spec(), states, 2000, random);
+    static const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset());
+    TouchTrainingPlan plan;
+    plan.steps = 150;
+    plan.batch = 64;
+    TouchNetwork result = train_touch_network(touches, test::synthetic_spec().noise, prior.view(), plan, 1, [] {});
+    result.model.threshold_mm = 2;
+    quantise(result);
+    return result;
+  }();
+  return network;
+}
+
+PlatePoses poses_of(const FemState& state) {
+  PlatePoses poses;
+  poses.plates = state.plates;
+  poses.seen = {true, true, true};
+  poses.quality = Quality::kFresh;
+  return poses;
+}
+
+const FemState kPushed = test::synthetic_state(5, 70, 5);
+
+}  // namespace
+
+TEST_CASE("touch stage: answers the float network's numbers within the loss of quantisation") {
+  TouchStage stage(trained().model.view());
+  double worst_mm = 0, worst_n = 0;
+  for (const double x : {-15.0, 0.0, 12.0}) {
+    for (const double y : {50.0, 70.0, 90.0}) {
+      const FemState state = test::synthetic_state(x, y, 5);
+      const Touch& touch = stage.locate(poses_of(state));
+      REQUIRE(touch.quality == Quality::kFresh);
+      const auto expected = evaluate(trained(), touch_sample(state).numbers, {true, true, true});
+      worst_mm = std::max(worst_mm, double((touch.point_mm - expected.head<3>()).norm()));
+      worst_n = std::max(worst_n, std::abs(double(touch.force_n - std::max(expected[6], 0.0f))));
+      CHECK((touch.contact_mm - expected.head<3>() - expected.segment<3>(3)).norm() < 0.5f);
+      const double radius = double(expected.segment<3>(7).array().exp().matrix().norm());
+      CHECK(double(touch.radius_68_mm) == doctest::Approx(radius).epsilon(0.05));
+      CHECK(double(touch.force_sigma_n) == doctest::Approx(std::exp(double(expected[10]))).epsilon(0.05));
+    }
+  }
+  CHECK(worst_mm < 0.5);
+  CHECK(worst_mm > 0);  // it is the int8 network that answers
+  CHECK(worst_n < 0.1);
+}
+
+TEST_CASE("touch stage: plate motion decides about the threshold, and an invalid touch carries no numbers") {
+  TouchStage stage(trained().model.view());
+  PlatePoses poses;
+  poses.seen = {true, true, true};
+  poses.quality = Quality::kFresh;
+  poses.plates[kMiddlePlate].displacement_mm = Vec3f(0, 0, 1.999f);
+  Touch touch = stage.locate(poses);
+  CHECK(touch.quality == Quality::kInvalid);
+  CHECK(double(touch.plate_motion_mm) == doctest::Approx(1.999));
+  CHECK(touch.point_mm == Vec3f::Zero());
+  CHECK(touch.force_n == 0);
+  poses.plates[kMiddlePlate].displacement_mm = Vec3f(0, 0, 2.001f);
+  CHECK(stage.locate(poses).quality == Quality::kFresh);
+  poses.plates[kMiddlePlate] = {};
+  CHECK(stage.locate(poses).quality == Quality::kInvalid);  // nothing is left of the touch before
+}
+
+TEST_CASE("touch stage: held poses repeat the last touch as held, invalid ones end it") {
+  TouchStage stage(trained().model.view());
+  PlatePoses poses = poses_of(kPushed);
+  const Touch fresh = stage.locate(poses);
+  poses.quality = Quality::kHeld;
+  poses.seen = {false, false, false};
+  for (int frame = 0; frame < 3; ++frame) {
+    const Touch& held = stage.locate(poses);
+    CHECK(held.quality == Quality::kHeld);
+    CHECK(held.point_mm == fresh.point_mm);
+    CHECK(held.radius_68_mm == fresh.radius_68_mm);
+  }
+  poses.quality = Quality::kInvalid;
+  CHECK(stage.locate(poses).quality == Quality::kInvalid);
+  poses.quality = Quality::kHeld;
+  CHECK(stage.locate(poses).quality == Quality::kInvalid);
+}
+
+TEST_CASE("touch stage: held poses before any touch, and poses without a seen plate, are invalid") {
+  TouchStage stage(trained().model.view());
+  PlatePoses poses = poses_of(kPushed);
+  poses.quality = Quality::kHeld;
+  CHECK(stage.locate(poses).quality == Quality::kInvalid);
+  poses.quality = Quality::kFresh;
+  poses.seen = {false, false, false};
+  CHECK(stage.locate(poses).quality == Quality::kInvalid);
+}
+
+TEST_CASE("touch stage: numbers that are not finite, or absurd, never come out") {
+  TouchStage stage(trained().model.view());
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    for (int plate = 0; plate < kPlates; ++plate) {
+      PlatePoses poses = poses_of(kPushed);
+      poses.plates[std::size_t(plate)].rotation_rad.y() = bad;
+      CHECK(stage.locate(poses).quality == Quality::kInvalid);
+      poses = poses_of(kPushed);
+      poses.plates[std::size_t(plate)].displacement_mm.x() = bad;
+      CHECK(stage.locate(poses).quality == Quality::kInvalid);
+    }
+  }
+  for (const float huge : {1e6f, 1e19f, 3e38f}) {
+    PlatePoses poses = poses_of(kPushed);
+    poses.plates[0].displacement_mm.setConstant(huge);
+    const Touch& touch = stage.locate(poses);
+    CHECK(touch.point_mm.allFinite());
+    CHECK(std::isfinite(touch.radius_68_mm));
+    CHECK(std::isfinite(touch.force_n));
+  }
+}
+
+TEST_CASE("touch stage: the force is never negative") {
+  TouchModelData model = trained().model;
+  model.output_mean[6] = -1000;
+  TouchStage stage(model.view());
+  const Touch& touch = stage.locate(poses_of(kPushed));
+  CHECK(touch.quality == Quality::kFresh);
+  CHECK(touch.force_n == 0);
+}
+
+TEST_CASE("touch stage: locating allocates nothing") {
+#if defined(__SANITIZE_ADDRESS__)
+  MESSAGE("not counted under the address sanitizer");
+#else
+  const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset());
+  TouchStage stage(trained().model.view());
+  PlatePoses poses = poses_of(kPushed), unseen = poses, nothing;
+  unseen.seen = {true, false, false};
+  const long before = allocations;
+  float sum = 0;
+  for (int i = 0; i < 10; ++i) {
+    complete_from_prior(prior.view(), unseen);
+    for (const PlatePoses* frame : {&poses, &unseen, &nothing}) sum += stage.locate(*frame).point_mm.y();
+  }
+  const long after = allocations;
+  CHECK(after == before);
+  CHECK(before > 0);  // the counter counts
+  CHECK(sum != 0);
+#endif
+}

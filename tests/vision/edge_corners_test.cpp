@@ -1,0 +1,147 @@
+#include "firmware/vision/edge_corners.h"
+
+#include <doctest/doctest.h>
+
+#include <opencv2/imgproc.hpp>
+
+#include "tests/vision/test_finger.h"
+
+using namespace finsight;
+using namespace finsight::test;
+
+namespace {
+
+/// Squares of 35 ... 80 pixels anywhere in the picture, turned at will and tilted by `tilt_rad`.
+PaintedMarker random_marker(Random& random, const CameraModel& camera, double tilt_rad) {
+  const double side_px = random.uniform(35, 80), z = 8 * camera.fx / side_px;
+  const double angle = random.uniform(-3.14, 3.14);
+  PaintedMarker marker;
+  marker.id = static_cast<int>(random.uniform(0, 50));
+  marker.T_camera_marker = Eigen::Translation3d(random.uniform(-0.3, 0.3) * z, random.uniform(-0.2, 0.2) * z, z) *
+                           Eigen::AngleAxisd(random.uniform(-3.14, 3.14), Eigen::Vector3d::UnitZ()) *
+                           Eigen::AngleAxisd(tilt_rad, Eigen::Vector3d(std::cos(angle), std::sin(angle), 0)) *
+                           Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
+  return marker;
+}
+
+struct Errors {
+  double squares = 0, outward = 0, worst = 0;
+  int count = 0;
+  void add(const std::array<Vec2f, 4>& found, const std::array<Vec2f, 4>& truth) {
+    const Vec2f centre = (truth[0] + truth[1] + truth[2] + truth[3]) / 4;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Vec2f error = found[k] - truth[k];
+      squares += error.squaredNorm();
+      outward += error.dot((truth[k] - centre).normalized());
+      worst = std::max<double>(worst, error.norm());
+      ++count;
+    }
+  }
+  double rms() const { return std::sqrt(squares / (2 * count)); }  ///< per coordinate
+  double bias() const { return outward / count; }                  ///< away from the marker's centre
+};
+
+std::array<Vec2f, 4> shifted(const std::array<Vec2f, 4>& corners, Random& random, double by_px) {
+  std::array<Vec2f, 4> moved = corners;
+  for (Vec2f& corner : moved) {
+    const double angle = random.uniform(-3.14, 3.14);
+    corner += (by_px * Eigen::Vector2d(std::cos(angle), std::sin(angle))).cast<float>();
+  }
+  return moved;
+}
+
+std::array<Vec2f, 4> by_corner_sub_pix(const CameraModel& camera, std::vector<std::uint8_t>& grey,
+                                       const std::array<Vec2f, 4>& start) {
+  std::vector<cv::Point2f> points;
+  for (const Vec2f& corner : start) points.emplace_back(corner.x(), corner.y());
+  cv::cornerSubPix(cv::Mat(camera.height_px, camera.width_px, CV_8UC1, grey.data()), points, {3, 3}, {-1, -1},
+                   {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 0.01});
+  std::array<Vec2f, 4> corners;
+  for (std::size_t k = 0; k < 4; ++k) corners[k] = {points[k].x, points[k].y};
+  return corners;
+}
+
+}  // namespace
+
+TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better than cornerSubPix") {
+  const CameraModel camera = camera_640x480();
+  for (const double blur_px : {0.5, 0.7, 1.0}) {
+    for (const double tilt_rad : {0.0, 0.35, 0.7}) {
+      Errors edges, sub_pix;
+      Random random(11);
+      for (int i = 0; i < 10; ++i) {
+        const PaintedMarker marker = random_marker(random, camera, tilt_rad);
+        Paint paint;
+        paint.blur_px = blur_px;
+        Picture picture(camera, paint);
+        picture.add(marker);
+        std::vector<std::uint8_t> grey = picture.develop(static_cast<std::uint64_t>(i));
+        const std::array<Vec2f, 4> truth = true_corners(camera, marker), start = shifted(truth, random, 1.5);
+        std::array<Vec2f, 4> corners = start;
+        REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
+        edges.add(corners, truth);
+        sub_pix.add(by_corner_sub_pix(camera, grey, shifted(truth, random, 0.5)), truth);
+      }
+      INFO("blur ", blur_px, " tilt ", tilt_rad, ": edges bias ", edges.bias(), " RMS ", edges.rms(), " worst ",
+           edges.worst, "; cornerSubPix bias ", sub_pix.bias(), " RMS ", sub_pix.rms());
+      CHECK(edges.rms() < 0.05);
+      CHECK(std::abs(edges.bias()) < 0.03);
+      CHECK(edges.worst < 0.25);
+      CHECK(edges.rms() < sub_pix.rms() / 3);
+    }
+  }
+}
+
+TEST_CASE("corners: exact to 0.01 pixels without noise, where the lens bends the edges most") {
+  CameraModel camera = camera_1280x720();
+  Paint paint;
+  paint.read_noise = paint.shot_noise = paint.light_gradient = 0;
+  PaintedMarker marker;
+  marker.T_camera_marker = Eigen::Translation3d(-45, -20, 70) * Eigen::AngleAxisd(3.1, Eigen::Vector3d::UnitX());
+  Picture picture(camera, paint);
+  picture.add(marker);
+  const std::vector<std::uint8_t> grey = picture.develop(0);
+  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
+  std::array<Vec2f, 4> corners = truth;
+  for (Vec2f& corner : corners) corner += Vec2f(1, -1);
+  REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
+  for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.02F);
+}
+
+TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
+  const CameraModel camera = camera_640x480();
+  PaintedMarker marker;
+  marker.T_camera_marker =
+      Eigen::Translation3d(0, 0, 70) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
+  Picture picture(camera, Paint{});
+  picture.add(marker);
+  std::vector<std::uint8_t> grey = picture.develop(5);
+  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
+  const int y = static_cast<int>(truth[0].y());
+  const int x = static_cast<int>(truth[0].x() + 0.5F * (truth[1].x() - truth[0].x()));
+  for (int row = y - 3; row < y; ++row) {
+    for (int column = x; column < x + 10; ++column) {
+      grey[static_cast<std::size_t>(row * camera.width_px + column)] = 30;
+    }
+  }
+  std::array<Vec2f, 4> corners = truth;
+  REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
+  for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.15F);
+}
+
+TEST_CASE("corners: no edges, no corners") {
+  const CameraModel camera = camera_640x480();
+  const std::vector<std::uint8_t> flat(640 * 480, 120);
+  const GreyView picture{flat.data(), 640, 480, 640};
+  const std::array<Vec2f, 4> square{Vec2f(100, 100), Vec2f(150, 100), Vec2f(150, 150), Vec2f(100, 150)};
+  std::array<Vec2f, 4> corners = square;
+  CHECK(!refine_corners(picture, camera, corners));
+  CHECK(corners == square);
+
+  corners = {Vec2f(-20, -20), Vec2f(30, -20), Vec2f(30, 30), Vec2f(-20, 30)};  // reaches out of the picture
+  CHECK(!refine_corners(picture, camera, corners));
+  corners.fill(Vec2f(100, 100));  // no area
+  CHECK(!refine_corners(picture, camera, corners));
+  corners.fill(Vec2f::Constant(std::nanf("")));
+  CHECK(!refine_corners(picture, camera, corners));
+}

@@ -1,0 +1,61 @@
+#include "firmware/vision/ippe.h"
+
+#include <doctest/doctest.h>
+
+#include "tests/vision/test_finger.h"
+
+using namespace finsight;
+using namespace finsight::test;
+
+namespace {
+
+MarkerRays rays_of(const Eigen::Isometry3d& T_camera_marker, double size_mm) {
+  MarkerRays rays;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d seen = T_camera_marker * finsight::marker_corner(size_mm, k);
+    rays[k] = seen.head<2>() / seen.z();
+  }
+  return rays;
+}
+
+Eigen::Isometry3d random_pose(Random& random) {
+  const Eigen::Vector3d axis(random.normal(), random.normal(), random.normal());
+  return Eigen::Translation3d(random.uniform(-20, 20), random.uniform(-20, 20), random.uniform(60, 120)) *
+         Eigen::AngleAxisd(random.uniform(0.1, 0.7), axis.normalized()) *
+         Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
+}
+
+}  // namespace
+
+TEST_CASE("square: its pose comes back first, and its mirror pose lies at the same place") {
+  Random random(1);
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Isometry3d truth = random_pose(random);
+    const SquarePoses poses = poses_of_square(rays_of(truth, 8), 8);
+    REQUIRE(poses.count >= 1);
+    CHECK((poses.T_camera_marker[0].matrix() - truth.matrix()).cwiseAbs().maxCoeff() < 1e-5);
+    if (poses.count == 2) {
+      CHECK((poses.T_camera_marker[1].translation() - truth.translation()).norm() < 3);
+    }
+  }
+}
+
+TEST_CASE("square: seen exactly face-on it has a pose, too") {
+  for (const double x : {0.0, 5.0, -12.5}) {
+    Eigen::Isometry3d truth(Eigen::Translation3d(x, 3, 110));
+    truth.linear().diagonal() << 1, -1, -1;
+    const SquarePoses poses = poses_of_square(rays_of(truth, 8), 8);
+    REQUIRE(poses.count >= 1);
+    CHECK((poses.T_camera_marker[0].matrix() - truth.matrix()).cwiseAbs().maxCoeff() < 0.02);
+  }
+}
+
+TEST_CASE("square: rays that no square explains give no pose and no exception") {
+  MarkerRays rays;
+  rays.fill(Eigen::Vector2d::Constant(std::nan("")));
+  CHECK(poses_of_square(rays, 8).count == 0);
+  rays.fill(Eigen::Vector2d::Zero());
+  CHECK(poses_of_square(rays, 8).count == 0);
+  for (std::size_t k = 0; k < 4; ++k) rays[k] = Eigen::Vector2d(0.1 * static_cast<double>(k), 0);  // on one line
+  CHECK(poses_of_square(rays, 8).count == 0);
+}

@@ -1,0 +1,183 @@
+#include "firmware/vision/marker_stage.h"
+
+#include <doctest/doctest.h>
+
+#include <limits>
+
+#include "firmware/input_error.h"
+#include "tests/vision/test_finger.h"
+
+using namespace finsight;
+using namespace finsight::test;
+
+namespace {
+
+constexpr std::array<bool, kPlates> kAll{true, true, true}, kNone{false, false, false};
+
+Paint quick_paint() {
+  Paint paint;
+  paint.samples = 16;
+  return paint;
+}
+
+std::vector<std::uint8_t> paint_moved(const CameraModel& camera, const Numbers& numbers, std::uint64_t seed) {
+  return paint_plates(test_mount(), camera, plate_motions(numbers), quick_paint(), seed);
+}
+
+/// Mean distance of the seen markers' corners from the truth.
+double mean_error_px(const CameraModel& camera, const Numbers& numbers, const MarkerCorners& found) {
+  const MarkerCorners truth = corners_of(test_mount(), camera, plate_motions(numbers));
+  double sum = 0;
+  int count = 0;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    for (std::size_t k = 0; k < 4 && found.seen[p]; ++k, ++count) {
+      sum += (found.corners_px[p][k] - truth.corners_px[p][k]).norm();
+    }
+  }
+  return sum / count;
+}
+
+/// The test finger's markers painted one by one, some of them left out or given another id.
+std::vector<std::uint8_t> paint_ids(const CameraModel& camera, const std::array<int, kPlates>& ids) {
+  const MountModel mount = test_mount();
+  Picture picture(camera, quick_paint());
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    PaintedMarker marker = moved_marker(mount, {}, p);
+    marker.id = ids[p];
+    if (marker.id >= 0) picture.add(marker);
+  }
+  return picture.develop(3);
+}
+
+}  // namespace
+
+TEST_CASE("markers: all three found to 0.05 pixels, at rest and moved, in both picture sizes") {
+  const TestPrior prior;
+  for (const CameraModel& camera : {camera_1280x720(), camera_640x480()}) {
+    Random random(21);
+    for (int i = 0; i < 4; ++i) {
+      MarkerStage stage(test_mount(), camera);
+      const Numbers numbers = i == 0 ? Numbers(Numbers::Zero()) : prior.draw(random);
+      const std::vector<std::uint8_t> grey = paint_moved(camera, numbers, static_cast<std::uint64_t>(i));
+      const MarkerCorners& found = stage.find(frame_of(camera, grey));
+      REQUIRE(found.seen == kAll);
+      CHECK(mean_error_px(camera, numbers, found) < 0.05);
+    }
+  }
+}
+
+TEST_CASE("markers: followed through a fast touch, and the window's corners are those of a full search") {
+  const TestPrior prior;
+  const CameraModel camera = camera_640x480();
+  MarkerStage following(test_mount(), camera);
+  for (int i = 0; i < 6; ++i) {
+    Numbers numbers = Numbers::Zero();
+    numbers += 0.4 * i * prior.ways.col(0) + 0.2 * i * prior.ways.col(2);
+    const std::vector<std::uint8_t> grey = paint_moved(camera, numbers, static_cast<std::uint64_t>(i));
+    const MarkerCorners& followed = following.find(frame_of(camera, grey));
+    MarkerStage fresh(test_mount(), camera);
+    const MarkerCorners& searched = fresh.find(frame_of(camera, grey));
+    REQUIRE(followed.seen == kAll);
+    REQUIRE(searched.seen == kAll);
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      for (std::size_t k = 0; k < 4; ++k) {
+        CHECK((followed.corners_px[p][k] - searched.corners_px[p][k]).norm() < 0.01F);
+      }
+    }
+  }
+}
+
+TEST_CASE("markers: one that jumped out of its window is found again in the same frame") {
+  const CameraModel camera = camera_640x480();
+  MarkerStage stage(test_mount(), camera);
+  const std::vector<std::uint8_t> at_rest = paint_moved(camera, Numbers::Zero(), 1);
+  REQUIRE(stage.find(frame_of(camera, at_rest)).seen == kAll);
+  Numbers jumped = Numbers::Zero();
+  jumped.segment<3>(0) << -6, 0, 20;
+  const std::vector<std::uint8_t> after = paint_moved(camera, jumped, 2);
+  const MarkerCorners& found = stage.find(frame_of(camera, after));
+  CHECK(found.seen == kAll);
+  CHECK(mean_error_px(camera, jumped, found) < 0.05);
+}
+
+TEST_CASE("markers: strangers and missing ones are not seen; one that comes back is, within eight frames") {
+  const CameraModel camera = camera_640x480();
+  const std::array<int, kPlates> ids = test_mount().marker_id;
+  MarkerStage stage(test_mount(), camera);
+  const std::vector<std::uint8_t> strangers = paint_ids(camera, {0, 1, 49});
+  CHECK(stage.find(frame_of(camera, strangers)).seen == kNone);
+
+  const std::vector<std::uint8_t> two = paint_ids(camera, {ids[0], -1, ids[2]});
+  for (int i = 0; i < 3; ++i) CHECK(stage.find(frame_of(camera, two)).seen == std::array{true, false, true});
+  const std::vector<std::uint8_t> all = paint_ids(camera, ids);
+  int frames = 1;
+  while (stage.find(frame_of(camera, all)).seen != kAll && frames < 100) ++frames;
+  CHECK(frames <= 8);
+}
+
+TEST_CASE("markers: one that is there twice is not seen") {
+  const CameraModel camera = camera_640x480();
+  const std::array<int, kPlates> ids = test_mount().marker_id;
+  MarkerStage stage(test_mount(), camera);
+  const std::vector<std::uint8_t> grey = paint_ids(camera, {ids[0], ids[2], ids[2]});
+  CHECK(stage.find(frame_of(camera, grey)).seen == std::array{true, false, false});
+  CHECK(stage.find(frame_of(camera, grey)).seen == std::array{true, false, false});
+}
+
+TEST_CASE("markers: none in frames that are no pictures of markers, and the next good frame is fine") {
+  const CameraModel camera = camera_640x480();
+  MarkerStage stage(test_mount(), camera);
+  const std::vector<std::uint8_t> good = paint_moved(camera, Numbers::Zero(), 1);
+  std::vector<std::uint8_t> black(good.size(), 0), white(good.size(), 255), noise(good.size());
+  Random random(4);
+  for (std::uint8_t& pixel : noise) pixel = static_cast<std::uint8_t>(random.uniform(0, 256));
+
+  const auto refused_then_fine = [&](const Frame& frame) {
+    CHECK(stage.find(frame).seen == kNone);
+    CHECK(stage.find(frame_of(camera, good)).seen == kAll);
+  };
+  refused_then_fine({});
+  refused_then_fine(frame_of(camera, black));
+  refused_then_fine(frame_of(camera, white));
+  refused_then_fine(frame_of(camera, noise));
+  Frame wrong = frame_of(camera, good);
+  wrong.width_px = 480;
+  wrong.height_px = 640;
+  refused_then_fine(wrong);
+  wrong = frame_of(camera, good);
+  wrong.stride_bytes = 100;
+  refused_then_fine(wrong);
+  wrong = frame_of(camera, good);
+  wrong.height_px = 0;
+  refused_then_fine(wrong);
+}
+
+TEST_CASE("markers: rows may be padded") {
+  const CameraModel camera = camera_640x480();
+  const std::vector<std::uint8_t> grey = paint_moved(camera, Numbers::Zero(), 1);
+  std::vector<std::uint8_t> padded(704 * 480, 255);
+  for (std::size_t y = 0; y < 480; ++y) std::copy_n(&grey[y * 640], 640, &padded[y * 704]);
+  Frame frame = frame_of(camera, padded);
+  frame.stride_bytes = 704;
+  MarkerStage stage(test_mount(), camera);
+  const MarkerCorners& found = stage.find(frame);
+  CHECK(found.seen == kAll);
+  CHECK(mean_error_px(camera, Numbers::Zero(), found) < 0.05);
+}
+
+TEST_CASE("markers: a mount or camera that cannot be is refused") {
+  const auto refused = [](auto change) {
+    MountModel mount = test_mount();
+    CameraModel camera = camera_640x480();
+    change(mount, camera);
+    CHECK_THROWS_AS(MarkerStage(mount, camera), InputError);
+  };
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  refused([](MountModel& m, CameraModel&) { m.marker_id[1] = 50; });
+  refused([](MountModel& m, CameraModel&) { m.marker_id[1] = m.marker_id[2]; });
+  refused([](MountModel& m, CameraModel&) { m.marker_size_mm = 0; });
+  refused([&](MountModel& m, CameraModel&) { m.marker_size_mm = nan; });
+  refused([](MountModel& m, CameraModel&) { m.T_finger_marker[0].translation().y() = -60; });
+  refused([&](MountModel& m, CameraModel&) { m.T_finger_camera.translation().x() = nan; });
+  refused([&](MountModel&, CameraModel& c) { c.fx = nan; });
+}

@@ -1,0 +1,133 @@
+#include "firmware/vision/plate_estimator.h"
+
+#include <doctest/doctest.h>
+
+#include "firmware/input_error.h"
+#include "firmware/model/plate_prior.h"
+#include "tests/vision/test_finger.h"
+
+using namespace finsight;
+using namespace finsight::test;
+using Numbers = PlateEstimator::Numbers;
+
+namespace {
+
+constexpr double kFocalPx = 490;
+
+/// What the camera sees of plates that moved by `numbers`, with corners off by `noise_px`.
+PlateSight sight_of(const Numbers& numbers, const std::array<bool, kPlates>& seen, double noise_px, Random& random) {
+  const MountModel mount = test_mount();
+  PlateSight sight;
+  sight.seen = seen;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    const PaintedMarker marker = moved_marker(mount, plate_motions(numbers)[p], p);
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector3d corner = marker.T_camera_marker * finsight::marker_corner(mount.marker_size_mm, k);
+      const Eigen::Vector2d noise(random.normal(), random.normal());
+      sight.rays[p][k] = corner.head<2>() / corner.z() + noise_px / kFocalPx * noise;
+    }
+  }
+  return sight;
+}
+
+}  // namespace
+
+TEST_CASE("plates: the motion of a marker's pose is the one that moved it there") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(1);
+  for (int i = 0; i < 50; ++i) {
+    const Numbers numbers = prior.draw(random, 2);
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      const PaintedMarker marker = moved_marker(test_mount(), plate_motions(numbers)[p], p);
+      const Eigen::Matrix<double, 6, 1> expected = numbers.segment<6>(6 * static_cast<int>(p));
+      CHECK((estimator.motion(p, marker.T_camera_marker) - expected).cwiseAbs().maxCoeff() < 1e-4);
+    }
+  }
+}
+
+TEST_CASE("plates: five steps from afar reach the point where the cost's finite differences vanish") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(2);
+  for (int i = 0; i < 20; ++i) {
+    const PlateSight sight = sight_of(prior.draw(random), {true, true, true}, 0.1, random);
+    Numbers numbers = estimator.prior_mean();
+    for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
+    const double least = estimator.cost(sight, numbers);
+    for (int n = 0; n < 18; ++n) {
+      const double h = n % 6 < 3 ? 1e-4 : 1e-5;
+      Numbers up = numbers, down = numbers;
+      up[n] += h;
+      down[n] -= h;
+      const double cost_up = estimator.cost(sight, up), cost_down = estimator.cost(sight, down);
+      const double slope = (cost_up - cost_down) / (2 * h), curvature = (cost_up - 2 * least + cost_down) / (h * h);
+      CHECK(curvature > 0);
+      CHECK(std::abs(slope / curvature) < 1e-4 * (n % 6 < 3 ? 1 : 0.1));
+    }
+  }
+}
+
+TEST_CASE("plates: corners without noise are met, wherever the fingers of the prior can be") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(3);
+  for (int i = 0; i < 50; ++i) {
+    const Numbers truth = prior.draw(random);
+    const PlateSight sight = sight_of(truth, {true, true, true}, 0, random);
+    Numbers numbers = estimator.prior_mean();
+    for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
+    for (std::size_t p = 0; p < kPlates; ++p) CHECK(estimator.reprojection_px(sight, p, numbers) < 0.05);
+    CHECK(estimator.cost(sight, numbers) <= estimator.cost(sight, truth) + 1e-9);
+  }
+}
+
+TEST_CASE("plates: those not seen come out at their conditional mean given the seen ones") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(4);
+  for (unsigned mask = 0; mask < 8; ++mask) {
+    const std::array<bool, kPlates> seen{(mask & 1) != 0, (mask & 2) != 0, (mask & 4) != 0};
+    const PlateSight sight = sight_of(prior.draw(random), seen, 0.05, random);
+    Numbers numbers = estimator.prior_mean();
+    for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
+    PlateNumbers expected = numbers.cast<float>();
+    complete_from_prior(prior.view(), seen, expected);
+    CHECK((numbers.cast<float>() - expected).cwiseAbs().maxCoeff() < 2e-3F);
+  }
+}
+
+TEST_CASE("plates: behind the camera the cost is infinite and nothing breaks") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(5);
+  const PlateSight sight = sight_of(Numbers::Zero(), {true, true, true}, 0, random);
+  Numbers numbers = Numbers::Zero();
+  numbers[1] = -200;
+  CHECK(std::isinf(estimator.cost(sight, numbers)));
+  CHECK(std::isinf(estimator.reprojection_px(sight, 0, numbers)));
+  estimator.improve(sight, numbers);
+  CHECK(numbers.allFinite());
+  numbers[7] = std::nan("");
+  CHECK(std::isinf(estimator.reprojection_px(sight, 1, numbers)));
+}
+
+TEST_CASE("plates: a prior that is no Gaussian is refused") {
+  const TestPrior good;
+  const std::vector<float> mean(good.view().mean.begin(), good.view().mean.end());
+  const std::vector<float> covariance(good.view().covariance.begin(), good.view().covariance.end());
+  const auto refused = [](const std::vector<float>& m, const std::vector<float>& c) {
+    CHECK_THROWS_AS(PlateEstimator(test_mount(), PlatePrior{m, c}, kFocalPx), InputError);
+  };
+  refused({}, {});
+  refused(mean, std::vector<float>(18, 1));
+  std::vector<float> wrong = covariance;
+  wrong[19] = -1;
+  refused(mean, wrong);
+  wrong = covariance;
+  wrong[19] = std::nanf("");
+  refused(mean, wrong);
+  std::vector<float> nowhere = mean;
+  nowhere[3] = std::nanf("");
+  refused(nowhere, covariance);
+}
