@@ -13,12 +13,14 @@ constexpr int kRounds = 4;
 constexpr std::size_t kProfiles = 16;  // per edge, spread over ...
 constexpr double kFirst = 0.10;        // ... this part of it; nearer to the corners the lens's blur rounds the edge off
 constexpr double kLast = 0.90;
-constexpr int kReachSteps = 6;   // samples of a profile on either side of the edge
+constexpr float kStepPx = 0.5F;  // between the samples of a profile
 constexpr float kModules = 6;    // along a side of the marker
-constexpr float kReach = 0.55F;  // modules to either side; the black border and the white margin are one module wide
+constexpr float kReach =
+    0.55F;  // modules to either side, for the border and the margin are one module wide; but not more than ...
+constexpr float kReachPx = 6;            // ... this, which contains the blur and any error of the coarse corners
 constexpr float kSmallestContrast = 10;  // grey levels
 constexpr std::size_t kFewestProfiles = kProfiles / 2;
-constexpr double kOutlierMedians = 4, kOutlierPx = 0.1;  // distance from the line: four medians are 2.7 sigma
+constexpr double kOutlierMedians = 3, kOutlierPx = 0.1;  // distance from the line; three medians are two sigmas
 constexpr double kLargestRmsPx = 0.5;                    // of the points about their line, at the end ...
 constexpr double kCoarseRmsPx = 2.0;                     // ... and while the profiles are not yet centred on the edge
 constexpr float kFarthestMove = 0.25F;                   // of a side
@@ -34,18 +36,19 @@ struct EdgePoints {
 };
 
 /// Where the grey level rises from ink to paper along a profile, as a share of the reach (-1 ... 1).
-bool find_rise(const GreyView& picture, const Vec2f& centre, const Vec2f& reach, float& share) {
-  constexpr float kStep = 1.0F / kReachSteps;
+bool find_rise(const GreyView& picture, const Vec2f& centre, const Vec2f& reach, int steps, float& share) {
+  // The centroid of the rise, tapered towards the ends: noise and neighbouring modules count little there. What the
+  // taper cuts off one side of the rise vanishes as the rounds centre the profile on it.
+  const float step = 1.0F / static_cast<float>(steps);
   float before = 0, rise = 0, moment = 0;
-  for (int i = -kReachSteps; i <= kReachSteps; ++i) {
-    const float at = static_cast<float>(i) * kStep;
+  for (int i = -steps; i <= steps; ++i) {
+    const float at = static_cast<float>(i) * step;
     const float grey = picture.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y());
-    if (i > -kReachSteps) {
-      const float middle = at - kStep / 2;
-      const float weight = 1 - middle * middle;
-      const float step = weight * (grey - before);
-      rise += step;
-      moment += step * middle;
+    if (i > -steps) {
+      const float middle = at - step / 2;
+      const float weighted = (1 - middle * middle) * (grey - before);
+      rise += weighted;
+      moment += weighted * middle;
     }
     before = grey;
   }
@@ -61,11 +64,11 @@ bool inside(const GreyView& picture, const Vec2f& p) {
 
 /// How far to look across the edge from corner k to the next, in pixels: a share of a module as seen across this edge
 /// (a tilted marker has narrow modules there).
-float reach_across(const std::array<Vec2f, 4>& corners, std::size_t k, float modules) {
+float reach_across(const std::array<Vec2f, 4>& corners, std::size_t k) {
   const Vec2f a = corners[k], b = corners[(k + 1) % 4];
   const Vec2f inward = Vec2f(a.y() - b.y(), b.x() - a.x()).normalized();  // the corners run clockwise
   const float depth = inward.dot(corners[(k + 2) % 4] - b + corners[(k + 3) % 4] - a) / 2;
-  return modules * depth / kModules;
+  return std::min(kReach * depth / kModules, kReachPx);
 }
 
 /// Follows the edge from ray a to ray b. Profiles are centred on the picture of the straight line between them, which
@@ -73,6 +76,8 @@ float reach_across(const std::array<Vec2f, 4>& corners, std::size_t k, float mod
 void find_edge_points(const GreyView& picture, const CameraModel& camera, const Vector2d& a, const Vector2d& b,
                       float reach_px, EdgePoints& points) {
   points.count = 0;
+  if (!(reach_px > kStepPx)) return;
+  const int steps = static_cast<int>(std::ceil(reach_px / kStepPx));
   for (std::size_t i = 0; i < kProfiles; ++i) {
     const Vector2d ray = a + (b - a) * (kFirst + (kLast - kFirst) * static_cast<double>(i) / (kProfiles - 1));
     const Projection centre = project_ray(camera, ray);
@@ -81,7 +86,7 @@ void find_edge_points(const GreyView& picture, const CameraModel& camera, const 
     const Vec2f middle = centre.pixel.cast<float>(), reach = outward.cast<float>() * reach_px;
     float share = 0;
     if (!inside(picture, middle - reach) || !inside(picture, middle + reach) ||
-        !find_rise(picture, middle, reach, share)) {
+        !find_rise(picture, middle, reach, steps, share)) {
       continue;
     }
     points.ray[points.count++] = ray + centre.slope.inverse() * outward * static_cast<double>(share * reach_px);
@@ -146,7 +151,7 @@ bool refine_corners(const GreyView& picture, const CameraModel& camera, std::arr
   std::array<Line, 4> lines;
   for (int round = 0; round < kRounds; ++round) {
     for (std::size_t k = 0; k < 4; ++k) {
-      const float reach_px = reach_across(corners, k, kReach);
+      const float reach_px = reach_across(corners, k);
       const double largest_rms_px = round + 1 < kRounds ? kCoarseRmsPx : kLargestRmsPx;
       find_edge_points(picture, camera, rays[k], rays[(k + 1) % 4], reach_px, points);
       if (!fit_edge(points, px, largest_rms_px, lines[k])) return false;

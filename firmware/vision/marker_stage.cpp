@@ -22,6 +22,11 @@ constexpr float kWindowMargin = 0.75F;
 // comes back is seen within 0.13 s, and the mean frame costs little more.
 constexpr int kSearchPeriod = 8;
 
+/// How much smaller a picture may be searched for a marker with sides of this length.
+int shrink_for(float side_px) {
+  return static_cast<int>(std::clamp(side_px / kSearchedSidePx, 1.0F, static_cast<float>(kLargestShrink)));
+}
+
 void check_mount(const MountModel& mount) {
   for (std::size_t p = 0; p < kPlates; ++p) {
     const int id = mount.marker_id[p];
@@ -55,7 +60,7 @@ MarkerStage::MarkerStage(const MountModel& mount, const CameraModel& camera)
   for (std::size_t p = 0; p < kPlates; ++p) side_px[p] = side_at_rest_px(mount, camera, p);
   const auto [smallest, largest] = std::minmax_element(side_px.begin(), side_px.end());
   sides_ = {*smallest * kSmallestSide, *largest * kLargestSide};
-  shrink_ = static_cast<int>(std::clamp(*smallest / kSearchedSidePx, 1.0F, static_cast<float>(kLargestShrink)));
+  shrink_ = shrink_for(*smallest);
 }
 
 const MarkerCorners& MarkerStage::find(const Frame& frame) {
@@ -85,10 +90,13 @@ const MarkerCorners& MarkerStage::find(const Frame& frame) {
 void MarkerStage::follow(const GreyView& picture, const MarkerCorners& last) {
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!last.seen[p]) continue;
-    Vec2f low = last.corners_px[p][0], high = low;
-    for (const Vec2f& corner : last.corners_px[p]) {
-      low = low.cwiseMin(corner);
-      high = high.cwiseMax(corner);
+    const std::array<Vec2f, 4>& corners = last.corners_px[p];
+    Vec2f low = corners[0], high = low;
+    float shortest_px = (corners[3] - corners[0]).norm();
+    for (std::size_t k = 1; k < 4; ++k) {
+      low = low.cwiseMin(corners[k]);
+      high = high.cwiseMax(corners[k]);
+      shortest_px = std::min(shortest_px, (corners[k] - corners[k - 1]).norm());
     }
     const float margin = kWindowMargin * (high - low).maxCoeff();
     const int left = std::max(0, static_cast<int>(low.x() - margin));
@@ -97,7 +105,7 @@ void MarkerStage::follow(const GreyView& picture, const MarkerCorners& last) {
     const int bottom = std::min(picture.height_px, static_cast<int>(high.y() + margin) + 1);
     const GreyView window{picture.at(left, top), right - left, bottom - top, picture.stride_bytes};
     const Vec2f offset(static_cast<float>(left), static_cast<float>(top));
-    corners_.seen[p] = take(picture, detector_.find(window, shrink_, sides_), offset, p);
+    corners_.seen[p] = take(picture, detector_.find(window, shrink_for(shortest_px), sides_), offset, p);
   }
 }
 

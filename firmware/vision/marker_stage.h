@@ -29,7 +29,7 @@ class MarkerStage {
   CameraModel camera_;
   std::array<int, kPlates> marker_id_;
   SideLimits sides_;
-  int shrink_ = 1;  ///< how much smaller the searched picture is
+  int shrink_ = 1;  ///< how much smaller the whole picture is searched
   MarkerDetector detector_;
   MarkerCorners corners_{};
   int frames_until_search_ = 0;

@@ -22,8 +22,8 @@ class PoseStage {
 
   /// Motions of all plates. A marker is not seen, whatever `corners` says, if no square in front of the camera explains
   /// its corners to 3 pixels or its plate were far from where touched fingers' plates are; plates that are not seen are
-  /// completed from the prior. Fresh if at least one is seen, otherwise invalid (and at rest). Never throws; only
-  /// OpenCV's IPPE allocates.
+  /// completed from the prior. Fresh if at least one is seen, otherwise invalid (and at rest). Neither throws nor
+  /// allocates.
   const PlatePoses& estimate(const MarkerCorners& corners);
 
  private:

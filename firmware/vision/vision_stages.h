@@ -1,4 +1,5 @@
-// Frame -> MarkerCorners -> PlatePoses. The only folder of the firmware that uses OpenCV, and only in two of its .cpp.
+// Frame -> MarkerCorners -> PlatePoses. The only folder of the firmware that uses OpenCV, and only in
+// aruco_compat.cpp.
 #pragma once
 
 #include "firmware/vision/marker_stage.h"

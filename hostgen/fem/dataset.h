@@ -13,7 +13,7 @@ namespace finsight::host {
 /// One equilibrium: the finger touched at one point with one force.
 struct FemState {
   std::int32_t path = 0;       ///< index of the touched point; the group key for honest splits
-  std::int32_t front_node = 0; ///< mesh node nearest to (and used as) the touched point
+  std::int32_t front_node = 0; ///< mesh node nearest to the touched point
   float force_n = 0;           ///< along the inward normal of the undeformed front face
   Vec3f point_mm = Vec3f::Zero();    ///< touched point at rest
   Vec3f contact_mm = Vec3f::Zero();  ///< and where it is now

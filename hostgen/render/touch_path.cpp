@@ -17,9 +17,15 @@ constexpr double kFullCircle = 2 * std::numbers::pi;
 constexpr double kPressSeconds = 4;      // about; presses divide the whole time evenly
 constexpr double kPauseShare = 1.0 / 8;  // of a press, half before and half after
 constexpr double kRampShare = 1.0 / 5;
-constexpr int kKeyStep = 4;         // frames from one solved state to the next: 67 ms, while forces ramp over 0.8 s
-constexpr std::size_t kChunk = 12;  // solved states in a row by one worker; not the number of cores, so that it
-                                    // does not change the result
+constexpr double kTipForceShare = 0.5;  // of the spec's largest force: the higher up, the further the finger gives way
+constexpr int kKeyStep = 4;             // frames from one solved state to the next: 67 ms, while forces ramp over 0.8 s
+constexpr std::size_t kChunk = 12;      // solved states in a row by one worker; not the number of cores, so that it
+                                        // does not change the result
+
+// A touch that would push its point further is weakened: beyond 20 mm there are no training states, and near the edges
+// the largest force would push by more than that.
+constexpr double kLongestPushMm = 15;
+constexpr int kWeakenings = 20;
 
 /// 0 at 0, 1 at 1, smooth at both.
 double smooth_step(double x) { return 0.5 - 0.5 * std::cos(std::numbers::pi * std::clamp(x, 0.0, 1.0)); }
@@ -54,6 +60,20 @@ FemState untouched(const Vec3f& point_mm) {
   FemState state;
   state.point_mm = state.contact_mm = point_mm;
   return state;
+}
+
+/// The equilibrium under the planned force, or under a weaker one that the finger can take.
+FemState touched(FingerStatics& finger, const Vec3f& point_mm, double force_n) {
+  for (int attempt = 0; attempt < kWeakenings; ++attempt) {
+    const bool found = finger.load(point_mm, force_n);
+    const FemState state = finger.state();
+    const double push_mm = (state.contact_mm - state.point_mm).norm();
+    if (found && push_mm <= 1.01 * kLongestPushMm) return state;
+    // In proportion to how much too far it went, so that the force changes smoothly from frame to frame.
+    force_n *= found ? kLongestPushMm / push_mm : 0.9;
+  }
+  throw std::runtime_error("touch path: no equilibrium under " + std::to_string(force_n) + " N at height " +
+                           std::to_string(point_mm.y()) + " mm of the touched face");
 }
 
 }  // namespace
@@ -98,7 +118,15 @@ double TouchPlan::force_n(double time_s) const {
   // In the middle of each press (where the ramps are over) the force swings between 55 % and all of the press's
   // largest.
   const double swing = 1 - 0.45 * 0.5 * (1 + wander(strength_, time_s)) * smooth_step((share - 0.35) / 0.15);
-  return press_largest_n_[static_cast<std::size_t>(press)] * from_rest * to_rest * swing;
+  return press_largest_n_[static_cast<std::size_t>(press)] * from_rest * to_rest * swing * bearable(time_s);
+}
+
+// All of the force in the lower half of the face, less and less towards the tip, so that the push stays in the range
+// that the finger is made for.
+double TouchPlan::bearable(double time_s) const {
+  const auto [lowest_mm, highest_mm] = spec_.touch_y_mm;
+  const double height = (static_cast<double>(point_mm(time_s).y()) - lowest_mm) / (highest_mm - lowest_mm);
+  return 1 - (1 - kTipForceShare) * std::max(0.0, 2 * height - 1);
 }
 
 std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const TouchPlan& plan, int frames,
@@ -114,14 +142,10 @@ std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mes
       const double time_s = static_cast<double>(key) * kKeyStep / frames_per_second;
       const Vec3f point_mm = plan.point_mm(time_s);
       const double force_n = plan.force_n(time_s);
-      states[key] = untouched(point_mm);
-      if (force_n > 0) {
-        finger.load(point_mm, force_n);
-        // Where no equilibrium is found the finger stays in the last one: it is reported as what it is.
-        states[key] = finger.state();
-      } else {
-        finger.reset();
-      }
+      // Untouched, the finger is at rest and forgets where it came from.
+      const bool is_touched = force_n >= kLightestTouchN;
+      if (!is_touched) finger.reset();
+      states[key] = is_touched ? touched(finger, point_mm, force_n) : untouched(point_mm);
       progress.advance();
     }
   });

@@ -18,7 +18,9 @@ class TouchPlan {
   TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed);
   /// On the undeformed front face.
   Vec3f point_mm(double time_s) const;
-  double force_n(double time_s) const;  ///< 0 before the start, between presses and after the end
+  /// 0 before the start, between presses and after the end; up to the spec's largest in the lower half of the face, up to
+  /// half of it at the upper end, where the finger gives way most.
+  double force_n(double time_s) const;
 
  private:
   struct Wave {
@@ -26,6 +28,7 @@ class TouchPlan {
   };
   using Waves = std::array<Wave, 2>;  // their shares add up to 1
   static double wander(const Waves& waves, double time_s);
+  double bearable(double time_s) const;
 
   FingerSpec spec_;
   double press_s_;  // from one press to the next

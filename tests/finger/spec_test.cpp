@@ -73,7 +73,7 @@ TEST_CASE("spec: plates are ordered top, middle, low and their markers look down
   }
   CHECK(ids.size() == kPlates);
   // The low plate hangs on the left side wall: its middle by hand from the numbers in the file.
-  const double y = 38 - 1.5 - 2, inner_half = 30 - 13 * y / 120 - 4;
+  const double y = 38 - 3 - 2, inner_half = 30 - 13 * y / 120 - 5;
   CHECK(spec.plates[kLowPlate].T_finger_marker.translation().x() == doctest::Approx(-0.75 * inner_half));
 }
 
@@ -120,16 +120,16 @@ TEST_CASE("spec: numbers that cannot be a finger are refused with the reason") {
       {"height_mm = 120", "height_mm = inf", "height_mm"},
       {"height_mm = 120", "height_mm = \"tall\"", "a number"},
       {"height_mm = 120", "", "height_mm"},
-      {"top_mm = 4", "top_mm = 27", "the cap"},
-      {"front_wall_mm = 3", "front_wall_mm = 0", "front_wall_mm"},
-      {"front_wall_mm = 3", "front_wall_mm = 40", "walls thinner than the body"},
-      {"back_wall_mm = 3", "back_wall_mm = 7", "do not cross"},
-      {"side_wall_mm = 4", "side_wall_mm = 29", "side walls thinner than the half width"},
-      {"side_wall_mm = 4", "side_wall_mm = -4", "side_wall_mm"},
+      {"top_mm = 14", "top_mm = 27", "the cap"},
+      {"front_wall_mm = 4", "front_wall_mm = 0", "front_wall_mm"},
+      {"front_wall_mm = 4", "front_wall_mm = 40", "walls thinner than the body"},
+      {"back_wall_mm = 4", "back_wall_mm = 13", "do not cross"},
+      {"side_wall_mm = 5", "side_wall_mm = 29", "side walls thinner than the half width"},
+      {"side_wall_mm = 5", "side_wall_mm = -4", "side_wall_mm"},
       {"half_width_mm = [30, 17]", "half_width_mm = [30]", "2 numbers"},
       {"half_width_mm = [30, 17]", "half_width_mm = [30, -17]", "half_width_mm"},
-      {"back_z_mm = [26.5, 6.7]", "back_z_mm = [-30, 6.7]", "the back behind the front"},
-      {"back_z_mm = [26.5, 6.7]", "back_z_mm = [26.5, -5]", "the back behind the front"},
+      {"back_z_mm = [24, 9.5]", "back_z_mm = [-30, 9.5]", "the back behind the front"},
+      {"back_z_mm = [24, 9.5]", "back_z_mm = [24, -10]", "the back behind the front"},
       {"beam_y_mm = 66", "beam_y_mm = 91", "the top plate"},
       {"beam_y_mm = 38", "beam_y_mm = 8", "the low plate"},
       {"beam_y_mm = 92", "beam_y_mm = 118", "the cap"},
@@ -137,8 +137,8 @@ TEST_CASE("spec: numbers that cannot be a finger are refused with the reason") {
       {"across = [-1, -0.5]", "across = [-0.5, -1]", "ascending"},
       {"across = [-1, -0.5]", "across = [-0.99, -0.45]", "an end at the wall"},
       {"across = [-1, -0.5]", "across = [-1, -0.8]", "white border"},
-      {"deep = [0.11, 0.89]", "deep = [0.3, 0.7]", "white border"},
-      {"deep = [0.11, 0.89]", "deep = [0.11, 1.5]", "deep"},
+      {"deep = [0.1, 0.9]", "deep = [0.3, 0.7]", "white border"},
+      {"deep = [0.1, 0.9]", "deep = [0.1, 1.5]", "deep"},
       {"size_mm = 8 ", "size_mm = 12 ", "white border"},
       {"size_mm = 8 ", "size_mm = 0 ", "size_mm"},
       {"DICT_4X4_50", "DICT_6X6_250", "dictionary"},
@@ -155,9 +155,9 @@ TEST_CASE("spec: numbers that cannot be a finger are refused with the reason") {
       {"y_mm = [13, 107]", "y_mm = [13, 140]", "y_mm"},
       {"edge_mm = 2.3", "edge_mm = 25", "edge_mm"},
       {"force_n = [1, 6]", "force_n = [-1, 6]", "force_n"},
-      {"tilt_deg = 20", "tilt_deg = 95", "tilt_deg"},
+      {"tilt_deg = 9,", "tilt_deg = 95,", "tilt_deg"},
       {"lateral_mm = 0.02", "lateral_mm = -0.02", "lateral_mm"},
-      {"top_mm = 4", "top_mm = 4\ntop_milimetres = 4", "unknown key"},
+      {"top_mm = 14", "top_mm = 14\ntop_milimetres = 4", "unknown key"},
       {"roll_deg = 0.1", "roll_deg = 0.1, yaw_deg = 1", "unknown key"},
       {"[material]", "[materials]", "material"},
   };

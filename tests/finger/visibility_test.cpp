@@ -122,10 +122,10 @@ TEST_CASE("visibility: what hides a marker only when the finger is bent is found
   FingerSpec spec = srm();
   for (PlateSpec& plate : spec.plates) plate.range = {};
   CHECK(refusal(spec) == "");
-  spec.plates[kTopPlate].range.sideways_mm = 18;  // to above the low and the middle plate
-  CHECK_MESSAGE(names(refusal(spec), "top", "hidden by the low plate"), refusal(spec));
+  spec.plates[kTopPlate].range.sideways_mm = 18;  // half of it already reaches the middle plate
+  CHECK_MESSAGE(names(refusal(spec), "top", "hidden by the middle"), refusal(spec));
   CHECK(refusal(spec).find("when moved inward") != std::string::npos);
-  spec.plates[kTopPlate].range = {.inward_mm = 0, .sideways_mm = 0, .tilt_rad = 1.4};
+  spec.plates[kTopPlate].range = {.inward_mm = 0, .sideways_mm = 0, .tilt_rad = 3.0, .turn_rad = 0};
   CHECK_MESSAGE(names(refusal(spec), "top", "turned away"), refusal(spec));
 }
 
@@ -135,6 +135,7 @@ TEST_CASE("visibility: a tenth more than the working range is still seen") {
     plate.range.inward_mm *= 1.1;
     plate.range.sideways_mm *= 1.1;
     plate.range.tilt_rad *= 1.1;
+    plate.range.turn_rad *= 1.1;
   }
   CHECK(refusal(spec) == "");
 }

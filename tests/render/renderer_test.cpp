@@ -125,9 +125,10 @@ TEST_CASE("renderer: a plate's area and centroid are those of its projected outl
   white_on_black.white = white_on_black.black = white_on_black.plate = 200;
   white_on_black.background = 0;
   const double y_mm = spec.plates[kLowPlate].T_finger_marker.translation().y();
-  const double half_width_mm = 0.25 * (spec.half_width.at(y_mm) - spec.side_wall_mm);
+  const PlateSpec& plate = spec.plates[kLowPlate];
+  const double half_width_mm = (plate.across[1] - plate.across[0]) / 2 * (spec.half_width.at(y_mm) - spec.side_wall_mm);
   const double depth_mm = spec.back_z.at(y_mm) - spec.back_wall_mm - spec.front_z.at(y_mm) - spec.front_wall_mm;
-  const double half_height_mm = 0.16 * depth_mm;
+  const double half_height_mm = (plate.deep[1] - plate.deep[0]) / 2 * depth_mm;
   std::vector<Eigen::Vector2d> outline;
   const std::array<Eigen::Vector2d, 5> corners = {{{-1, -1}, {1, -1}, {1, 1}, {-1, 1}, {-1, -1}}};
   for (int edge = 0; edge < 4; ++edge) {

@@ -20,7 +20,7 @@ def session_truth(folder):
     rows = []
     with open(Path(folder) / "truth.csv", newline="") as file:
         for row in csv.DictReader(file):
-            motion = max(math.hypot(*(float(row[f"{p}_d{a}_mm"]) for a in "xyz")) for p in ("top", "middle", "low"))
+            motion = max(math.hypot(*(float(row[f"{p}_displacement_{a}_mm"]) for a in "xyz")) for p in ("top", "middle", "low"))
             point = tuple(float(row[f"point_{a}_mm"]) for a in "xyz")
             rows.append((point, float(row["force_n"]), motion))
     return rows

@@ -29,7 +29,7 @@ PaintedMarker upright(int id, double x_mm = 0) {
 
 Paint quick_paint() {
   Paint paint;
-  paint.samples = 9;
+  paint.samples = 11;
   return paint;
 }
 

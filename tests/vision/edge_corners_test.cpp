@@ -92,7 +92,7 @@ TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better t
   }
 }
 
-TEST_CASE("corners: exact to 0.01 pixels without noise, where the lens bends the edges most") {
+TEST_CASE("corners: exact to 0.02 pixels without noise, where the lens bends the edges most") {
   CameraModel camera = camera_1280x720();
   Paint paint;
   paint.read_noise = paint.shot_noise = paint.light_gradient = 0;

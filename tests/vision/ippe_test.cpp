@@ -2,6 +2,8 @@
 
 #include <doctest/doctest.h>
 
+#include <opencv2/calib3d.hpp>
+
 #include "tests/vision/test_finger.h"
 
 using namespace finsight;
@@ -40,13 +42,40 @@ TEST_CASE("square: its pose comes back first, and its mirror pose lies at the sa
   }
 }
 
+TEST_CASE("square: noisy corners give the same two poses as OpenCV's IPPE") {
+  Random random(2);
+  for (int i = 0; i < 100; ++i) {
+    MarkerRays rays = rays_of(random_pose(random), 8);
+    for (Eigen::Vector2d& ray : rays) ray += 2e-4 * Eigen::Vector2d(random.normal(), random.normal());
+    std::vector<cv::Point3d> corners;
+    std::vector<cv::Point2d> seen;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector3d corner = finsight::marker_corner(8, k);
+      corners.emplace_back(corner.x(), corner.y(), corner.z());
+      seen.emplace_back(rays[k].x(), rays[k].y());
+    }
+    std::vector<cv::Mat> rotations, translations;
+    cv::solvePnPGeneric(corners, seen, cv::Matx33d::eye(), cv::noArray(), rotations, translations, false,
+                        cv::SOLVEPNP_IPPE_SQUARE);
+    const SquarePoses poses = poses_of_square(rays, 8);
+    REQUIRE(poses.count == 2);
+    REQUIRE(rotations.size() == 2);
+    for (std::size_t s = 0; s < 2; ++s) {
+      const Eigen::Vector3d turn(rotations[s].ptr<double>()), shift(translations[s].ptr<double>());
+      const Eigen::Matrix3d expected = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+      CHECK((poses.T_camera_marker[s].linear() - expected).cwiseAbs().maxCoeff() < 1e-3);
+      CHECK((poses.T_camera_marker[s].translation() - shift).norm() < 1e-2);
+    }
+  }
+}
+
 TEST_CASE("square: seen exactly face-on it has a pose, too") {
   for (const double x : {0.0, 5.0, -12.5}) {
     Eigen::Isometry3d truth(Eigen::Translation3d(x, 3, 110));
     truth.linear().diagonal() << 1, -1, -1;
     const SquarePoses poses = poses_of_square(rays_of(truth, 8), 8);
     REQUIRE(poses.count >= 1);
-    CHECK((poses.T_camera_marker[0].matrix() - truth.matrix()).cwiseAbs().maxCoeff() < 0.02);
+    CHECK((poses.T_camera_marker[0].matrix() - truth.matrix()).cwiseAbs().maxCoeff() < 1e-5);
   }
 }
 

@@ -67,7 +67,7 @@ struct Paint {
   double shot_noise = 0.15;  ///< times the root of the grey level
   double white = 205, black = 28, background = 70;
   double light_gradient = 0.25;  ///< relative change of the light from left to right
-  int samples = 36;              ///< sight lines per pixel
+  int samples = 61;              ///< sight lines per pixel; a prime
 };
 
 class Picture {
@@ -81,16 +81,17 @@ class Picture {
   void add(const PaintedMarker& marker, const std::array<std::uint8_t, 36>& modules) {
     const Eigen::Isometry3d T_marker_camera = marker.T_camera_marker.inverse();
     const std::array<int, 4> box = bounds(marker);
+    const int n = paint_.samples, golden = static_cast<int>(std::lround(n / std::numbers::phi));
     for (int y = box[1]; y <= box[3]; ++y) {
       for (int x = box[0]; x <= box[2]; ++x) {
         double sum = 0;
-        for (int i = 0; i < paint_.samples; ++i) {
-          // A lattice that has no two points in one row or column, so that edges along the rows are not quantised.
-          const double u = (i + 0.5) / paint_.samples, v = i * std::numbers::phi;
-          const Eigen::Vector2d pixel(x + u - 0.5, y + v - std::floor(v) - 0.5);
+        for (int i = 0; i < n; ++i) {
+          // A lattice with every row and column taken once: edges along the rows are drawn as finely as any.
+          const double u = (i + 0.5) / n, v = (i * golden % n + 0.5) / n;
+          const Eigen::Vector2d pixel(x + u - 0.5, y + v - 0.5);
           sum += grey_along(T_marker_camera, marker.size_mm, modules, ray_from_pixel(camera_, pixel), at(x, y));
         }
-        at(x, y) = static_cast<float>(sum / paint_.samples);
+        at(x, y) = static_cast<float>(sum / n);
       }
     }
   }

@@ -16,7 +16,7 @@ constexpr std::array<bool, kPlates> kAll{true, true, true}, kNone{false, false, 
 
 Paint quick_paint() {
   Paint paint;
-  paint.samples = 16;
+  paint.samples = 37;
   return paint;
 }
 

@@ -1,0 +1,61 @@
+#include "hostgen/fem/statics.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "tests/fem/box_mesh.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+TEST_CASE("statics: a slender column bends as beam theory says") {
+  // 60 mm high, 12 x 6 mm, pushed at the end: F L^3 / (3 E I) plus shear 1.2 F L / (G A).
+  FingerSpec spec = test::small_finger_spec();
+  TetMesh mesh = test::box_mesh({{-6, 0, 0}, {12, 60, 6}, {2, 16, 2}});
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    double y = 0;
+    for (const int node : mesh.tets[t]) y += mesh.node_mm[static_cast<std::size_t>(node)][1] / 4;
+    if (y > 56.3) mesh.region[t] = kFirstPlateRegion + static_cast<int>(t % 3);
+  }
+  spec.plate_stiffness_ratio = 1;
+  FingerStatics finger(spec, mesh);
+  const double force_n = 0.01;
+  REQUIRE(finger.load(Vec3f(0, 60, 0), force_n));
+  const FemState state = finger.state();
+  const double inertia = 12 * 6 * 6 * 6 / 12.0, area = 12 * 6, E = 10, G = E / (2 * 1.47);
+  const double theory_mm = force_n * 60 * 60 * 60 / (3 * E * inertia) + 1.2 * force_n * 60 / (G * area);
+  CHECK(state.contact_mm.z() - state.point_mm.z() == doctest::Approx(theory_mm).epsilon(0.04));
+}
+
+TEST_CASE("statics: more force, more push; the way there does not matter") {
+  const FingerSpec spec = test::small_finger_spec();
+  const TetMesh mesh = test::small_finger_mesh();
+  FingerStatics stepwise(spec, mesh), direct(spec, mesh);
+  const Vec3f point(2, 40, 0);
+  float before_mm = 0;
+  for (const double force_n : {0.1, 0.2, 0.3}) {
+    REQUIRE(stepwise.load(point, force_n));
+    const float push_mm = (stepwise.state().contact_mm - point).norm();
+    CHECK(push_mm > before_mm);
+    before_mm = push_mm;
+  }
+  REQUIRE(direct.load(point, 0.3));
+  CHECK((direct.state().contact_mm - stepwise.state().contact_mm).norm() < 1e-4);
+  // Moving the touch along the face ends where a fresh load does.
+  REQUIRE(stepwise.load(Vec3f(-2, 50, 0), 0.2));
+  direct.reset();
+  REQUIRE(direct.load(Vec3f(-2, 50, 0), 0.2));
+  for (int p = 0; p < kPlates; ++p) {
+    CHECK((direct.state().plates[p].displacement_mm - stepwise.state().plates[p].displacement_mm).norm() < 1e-4);
+  }
+}
+
+TEST_CASE("statics: a force that the finger cannot bear leaves the last good state") {
+  FingerStatics finger(test::small_finger_spec(), test::small_finger_mesh());
+  REQUIRE(finger.load(Vec3f(0, 40, 0), 0.2));
+  const FemState good = finger.state();
+  CHECK_FALSE(finger.load(Vec3f(0, 40, 0), 1e6));
+  CHECK(finger.state().contact_mm == good.contact_mm);
+  CHECK(finger.state().force_n == good.force_n);
+}
