@@ -17,6 +17,7 @@ constexpr double kFullCircle = 2 * std::numbers::pi;
 constexpr double kPressSeconds = 4;      // about; presses divide the whole time evenly
 constexpr double kPauseShare = 1.0 / 8;  // of a press, half before and half after
 constexpr double kRampShare = 1.0 / 5;
+constexpr double kLightestTouch_n = 0.01;  // a lighter one moves nothing that a camera sees, and drowns in rounding
 constexpr double kTipForceShare = 0.5;  // of the spec's largest force: the higher up, the further the finger gives way
 constexpr int kKeyStep = 4;             // frames from one solved state to the next: 67 ms, while forces ramp over 0.8 s
 constexpr std::size_t kChunk = 12;      // solved states in a row by one worker; not the number of cores, so that it
@@ -143,7 +144,7 @@ std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mes
       const Vec3f point_mm = plan.point_mm(time_s);
       const double force_n = plan.force_n(time_s);
       // Untouched, the finger is at rest and forgets where it came from.
-      const bool is_touched = force_n >= kLightestTouchN;
+      const bool is_touched = force_n >= kLightestTouch_n;
       if (!is_touched) finger.reset();
       states[key] = is_touched ? touched(finger, point_mm, force_n) : untouched(point_mm);
       progress.advance();

@@ -61,6 +61,7 @@ TEST_CASE("dataset: what is written is read back") {
 TEST_CASE("dataset: a push beyond the limit is marked, with all that follow on its path") {
   FingerSpec spec = test::small_finger_spec();
   spec.force_n = {0.2, 60};
+  spec.touch_y_mm = {45, 55};
   const FemDataset dataset = make_dataset(spec, test::small_finger_mesh(), {.points = 2, .forces = 4});
   REQUIRE(dataset.states.size() == 8);
   CHECK(dataset.states[0].valid);
