@@ -172,7 +172,7 @@ class Hostgen(unittest.TestCase):
         packs = []
         for name, cores in (("one", "0"), ("two", "0,1")):
             path = WORK / f"{name}.safetensors"
-            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--points", "10", "--forces", "2",
+            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--points", "16", "--forces", "3",
                        "--training-steps", "200"]
             if len(os.sched_getaffinity(0)) > 1:
                 command = ["taskset", "-c", cores] + command
