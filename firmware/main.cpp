@@ -22,7 +22,7 @@ using namespace finsight;
 constexpr const char* kUsage =
     "finsightd: a soft finger's camera in, touch on Modbus registers out.\n"
     "\n"
-    "usage: finsightd --settings FILE [--registers CSV]\n"
+    "usage: finsightd --settings FILE [--registers CSV] [--check]\n"
     "  --settings FILE   board file (TOML); boards/replay/board.toml is one with every key explained\n"
     "  --registers CSV   at the end, write every published register block to this file\n"
     "  --check           read settings and model, run the self-test, and stop\n"
@@ -122,8 +122,9 @@ int start(const Arguments& arguments) {
   run(*camera, loop, server, log);
   log.write();
   std::fprintf(stderr, "%s", loop.times().table().c_str());
-  if (!camera->error().empty()) throw InputError(settings.replay.path.string(), camera->error());
-  return 0;
+  if (camera->error().empty()) return 0;
+  std::fprintf(stderr, "finsightd: %s\n", camera->error().c_str());
+  return 2;
 }
 
 }  // namespace

@@ -65,6 +65,7 @@ struct TinyModel {
     parts.hostgen_version = "0.0.0";
     parts.rated_deformation_mm = 10;
     parts.touch.threshold_mm = 2;
+    parts.touch.range_mm = 40;
   }
 
   host::PackViews views() const {

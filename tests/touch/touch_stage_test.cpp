@@ -39,6 +39,7 @@ TouchNetwork& trained() {
     plan.batch = 64;
     TouchNetwork result = train_touch_network(touches, test::synthetic_spec().noise, prior.view(), plan, 1, [] {});
     result.model.threshold_mm = 2;
+    result.model.range_mm = 30;
     quantise(result);
     return result;
   }();
@@ -94,6 +95,18 @@ TEST_CASE("touch stage: plate motion decides about the threshold, and an invalid
   CHECK(stage.locate(poses).quality == Quality::kFresh);
   poses.plates[kMiddlePlate] = {};
   CHECK(stage.locate(poses).quality == Quality::kInvalid);  // nothing is left of the touch before
+}
+
+TEST_CASE("touch stage: beyond the trained plate motion it says over-range instead of a touch") {
+  TouchStage stage(trained().model.view());
+  PlatePoses poses = poses_of(kPushed);
+  CHECK_FALSE(stage.locate(poses).over_range);
+  poses.plates[kTopPlate].displacement_mm = Vec3f(0, 0, 30.01f);
+  const Touch touch = stage.locate(poses);
+  CHECK(touch.over_range);
+  CHECK(touch.quality == Quality::kInvalid);
+  CHECK(touch.point_mm == Vec3f::Zero());
+  CHECK_FALSE(stage.locate(poses_of(kPushed)).over_range);
 }
 
 TEST_CASE("touch stage: held poses repeat the last touch as held, invalid ones end it") {
