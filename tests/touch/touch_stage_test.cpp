@@ -2,28 +2,16 @@
 
 #include <doctest/doctest.h>
 
-#include <atomic>
 #include <cmath>
 #include <limits>
 
 #include "firmware/model/plate_prior.h"
 #include "hostgen/learn/touch_network.h"
+#include "tests/count_allocations.h"
 #include "tests/learn/synthetic_finger.h"
 
 using namespace finsight;
 using namespace finsight::host;
-
-// Every allocation of this program, whichever operator or library asks for it, is counted; sanitizers have their own.
-#if !defined(__SANITIZE_ADDRESS__)
-namespace {
-std::atomic<long> allocations{0};
-}
-extern "C" void* __libc_malloc(std::size_t);
-extern "C" void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-#endif
 
 namespace {
 
@@ -169,22 +157,18 @@ TEST_CASE("touch stage: the force is never negative") {
 }
 
 TEST_CASE("touch stage: locating allocates nothing") {
-#if defined(__SANITIZE_ADDRESS__)
-  MESSAGE("not counted under the address sanitizer");
-#else
   const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset());
   TouchStage stage(trained().model.view());
   PlatePoses poses = poses_of(kPushed), unseen = poses, nothing;
   unseen.seen = {true, false, false};
-  const long before = allocations;
+  const long before = test::allocations;
   float sum = 0;
   for (int i = 0; i < 10; ++i) {
     complete_from_prior(prior.view(), unseen);
     for (const PlatePoses* frame : {&poses, &unseen, &nothing}) sum += stage.locate(*frame).point_mm.y();
   }
-  const long after = allocations;
+  const long after = test::allocations;
   CHECK(after == before);
   CHECK(before > 0);  // the counter counts
   CHECK(sum != 0);
-#endif
 }
