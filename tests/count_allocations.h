@@ -10,7 +10,15 @@ namespace finsight::test {
 inline std::atomic<long> allocations{0};
 }
 
-#if defined(__SANITIZE_ADDRESS__)
+#if defined(__SANITIZE_ADDRESS__)  // GCC
+#define FINSIGHT_ADDRESS_SANITIZER
+#elif defined(__has_feature)  // clang
+#if __has_feature(address_sanitizer)
+#define FINSIGHT_ADDRESS_SANITIZER
+#endif
+#endif
+
+#ifdef FINSIGHT_ADDRESS_SANITIZER
 
 // The sanitizer has a malloc of its own and calls this for every allocation.
 extern "C" void __sanitizer_malloc_hook(const volatile void*, std::size_t) { ++finsight::test::allocations; }

@@ -139,7 +139,7 @@ std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh) {
 std::vector<Vec3f> touch_points(const FingerSpec& spec, int count) {
   if (count < 1) throw std::invalid_argument("touch_points: count must be at least 1");
   const auto half_width = [&](double y) { return spec.half_width.at(y) - spec.touch_edge_mm; };
-  const auto [lowest, highest] = spec.touch_y_mm;
+  const double lowest = spec.touch_y_mm[0], highest = spec.touch_y_mm[1];
   const double height = highest - lowest;
   // Rows as far apart as the points of a row, then each row gets its share by its width: the first `before + width`
   // part of the sum of widths has the same part of the points.

@@ -69,8 +69,10 @@ std::array<int, N> Renderer::Face::areas(const Eigen::Array<float, N, 1>& u_mm,
   const Eigen::Array<int, N, 1> column = module(u_mm), row = module(-v_mm);
   std::array<int, N> result;
   for (int i = 0; i < N; ++i) {
-    const bool on_face = (std::abs(u_mm[i]) <= half_width_mm) & (std::abs(v_mm[i]) <= half_height_mm);
-    const bool on_paper = (column[i] >= 0) & (column[i] < kPaperModules) & (row[i] >= 0) & (row[i] < kPaperModules);
+    const bool on_face = (int{std::abs(u_mm[i]) <= half_width_mm} & int{std::abs(v_mm[i]) <= half_height_mm}) != 0;
+    // Unsigned, a negative number is a large one.
+    const bool on_paper = (int{static_cast<unsigned>(column[i]) < kPaperModules} &
+                           int{static_cast<unsigned>(row[i]) < kPaperModules}) != 0;
     const int on_plate = on_paper ? kFirstModule + row[i] * kPaperModules + column[i] : kPlateArea;
     result[i] = on_face ? on_plate : kOutside;
   }

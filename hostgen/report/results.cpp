@@ -115,7 +115,7 @@ const std::vector<std::string>& report_areas() {
   return areas;
 }
 
-Results::Results(std::filesystem::path file) : file_(std::move(file)), json_(new json(json::object())) {
+Results::Results(std::filesystem::path file) : file_(std::move(file)), json_(std::make_unique<json>(json::object())) {
   if (std::filesystem::exists(file_)) {
     *json_ = json::parse(read_file(file_), nullptr, false);
     if (!json_->is_object()) throw InputError(file_.string(), "is not JSON; delete it to start anew");
@@ -123,7 +123,7 @@ Results::Results(std::filesystem::path file) : file_(std::move(file)), json_(new
   add_missing(*json_, json::parse(kSkeleton));
 }
 
-Results::~Results() { delete json_; }
+Results::~Results() = default;
 
 void Results::measured(const std::string& area, const json& figures, const std::string& profile) {
   overwrite(*json_, figures);

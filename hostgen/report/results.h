@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -27,7 +28,7 @@ class Results {
 
  private:
   std::filesystem::path file_;
-  nlohmann::json* json_;
+  std::unique_ptr<nlohmann::json> json_;
 };
 
 /// The page: figures as tables, plots beside them. Written next to results.json.

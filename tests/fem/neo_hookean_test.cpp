@@ -142,8 +142,8 @@ TEST_CASE("neo_hookean: vectors compute what numbers compute, lane by lane") {
   all.evaluate();
   for (int lane = 0; lane < finsight::simd::kLanes<Pack>; ++lane) {
     const auto one = state_of(random_deformation(static_cast<std::uint32_t>(lane + 7)), kMaterial);
-    CHECK(all.J[lane] == doctest::Approx(one.J).epsilon(1e-14));
-    CHECK(all.b[lane] == doctest::Approx(one.b).epsilon(1e-12));
-    CHECK(all.c[lane] == doctest::Approx(one.c).epsilon(1e-14));
+    CHECK(double{all.J[lane]} == doctest::Approx(one.J).epsilon(1e-14));
+    CHECK(double{all.b[lane]} == doctest::Approx(one.b).epsilon(1e-12));
+    CHECK(double{all.c[lane]} == doctest::Approx(one.c).epsilon(1e-14));
   }
 }

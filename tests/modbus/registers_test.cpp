@@ -38,7 +38,7 @@ Scene touched_finger() {
   s.poses.seen = {true, true, true};
   s.poses.quality = Quality::kFresh;
   s.shape = {{}, 3.25F, 14.5F, 6.75F, 4, ShapeSource::kNewton, false, Quality::kFresh};
-  s.touch = {{1.5F, -2.25F, 0.5F}, {2.5F, 60.0F, 7.126F}, 0.8F, 3.5F, 0.11F, 12.0F, Quality::kFresh};
+  s.touch = {{1.5F, -2.25F, 0.5F}, {2.5F, 60.0F, 7.126F}, 0.8F, 3.5F, 0.11F, 12.0F, false, Quality::kFresh};
   s.state.heartbeat = 65535;
   s.state.frames = 7;
   s.state.frame_counter = 0x00012345;
