@@ -1,10 +1,7 @@
 #include "firmware/settings.h"
 
-<<<<<<< HEAD
-=======
 #include <arpa/inet.h>
 
->>>>>>> 1d5508b
 #include "firmware/input_error.h"
 #include "firmware/toml_table.h"
 
@@ -116,13 +113,9 @@ Settings read_settings(const std::filesystem::path& file) {
   read_source(root.table("source"), settings);
   if (root.has("shape")) read_shape(root.table("shape"), settings.loop.shape);
   read_modbus(root.table("modbus"), settings);
-<<<<<<< HEAD
   if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
-  settings.loop.hold_time_ns = root.integer("hold_time_ms", 0, 10000, 200) * 1'000'000;
-=======
   constexpr std::int64_t kNsPerMs = 1'000'000;
   settings.loop.hold_time_ns = kNsPerMs * root.integer("hold_time_ms", 0, 10000, settings.loop.hold_time_ns / kNsPerMs);
->>>>>>> 1d5508b
   root.finish();
   return settings;
 }
