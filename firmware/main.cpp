@@ -12,6 +12,7 @@
 
 #include "firmware/frame_loop.h"
 #include "firmware/input_error.h"
+#include "firmware/outputs.h"
 #include "firmware/self_test.h"
 #include "firmware/settings.h"
 
@@ -22,10 +23,11 @@ using namespace finsight;
 constexpr const char* kUsage =
     "finsightd: a soft finger's camera in, touch on Modbus registers out.\n"
     "\n"
-    "usage: finsightd --settings FILE [--registers CSV] [--check]\n"
+    "usage: finsightd --settings FILE [--registers CSV | --check | --safe-outputs]\n"
     "  --settings FILE   board file (TOML); boards/replay/board.toml is one with every key explained\n"
     "  --registers CSV   at the end, write every published register block to this file\n"
     "  --check           read settings and model, run the self-test, and stop\n"
+    "  --safe-outputs    set the digital outputs to their safe levels, and stop: for after a crash\n"
     "  --help, --version\n"
     "\n"
     "Stops on SIGINT and SIGTERM, or at the end of a recording that does not repeat.\n"
@@ -35,7 +37,7 @@ std::atomic<bool> stop_requested{false};
 
 struct Arguments {
   std::string settings, registers;
-  bool check = false;
+  bool check = false, safe_outputs = false;
 };
 
 std::optional<Arguments> parse(int argc, char** argv) {
@@ -48,6 +50,8 @@ std::optional<Arguments> parse(int argc, char** argv) {
       arguments.registers = argv[++i];
     } else if (word == "--check") {
       arguments.check = true;
+    } else if (word == "--safe-outputs") {
+      arguments.safe_outputs = true;
     } else {
       return std::nullopt;
     }
@@ -55,14 +59,56 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments.settings.empty() ? std::nullopt : std::optional(arguments);
 }
 
-std::optional<CameraModel> session_camera(const Settings& settings, const Model& model) {
-  if (settings.source != Settings::Source::kSession) return std::nullopt;
+/// What the pictures are seen through; nothing where there are none.
+std::optional<CameraModel> lens_of(const Settings& settings, const Model& model) {
+  if (settings.source == Settings::Source::kCamera) return settings.lens;
+  if (settings.source == Settings::Source::kPoses) return std::nullopt;
   const SessionInfo info = read_session_info(settings.replay.path);
   if (info.marker_id != model.mount.marker_id) {
     throw InputError((settings.replay.path / "session.toml").string(), "marker ids are not those of the model pack");
   }
   return camera_of(info);
 }
+
+std::unique_ptr<Camera> open_camera(const Settings& settings) {
+  switch (settings.source) {
+    case Settings::Source::kSession:
+      return open_session_camera(settings.replay);
+    case Settings::Source::kPoses:
+      return open_pose_camera(settings.replay);
+    case Settings::Source::kCamera:
+      break;
+  }
+  return open_live_camera(settings.live,
+                          [](const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); });
+}
+
+/// The digital outputs, if the board has any: safe until the first frame, on faults, at exit, and when we crash.
+class Outputs {
+ public:
+  explicit Outputs(const std::optional<GpioSettings>& settings) {
+    if (!settings) return;
+    safe_ = safe_levels(*settings);
+    gpio_ = open_gpio(*settings);
+    in_use_ = this;
+    for (const int fault : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL}) std::signal(fault, on_crash);
+  }
+  ~Outputs() { in_use_ = nullptr; }
+  Outputs(const Outputs&) = delete;
+  Outputs& operator=(const Outputs&) = delete;
+
+  bool set(const RegisterImage& image) { return !gpio_ || gpio_->set(output_levels(image.words[0], safe_)); }
+
+ private:
+  static void on_crash(int signal) {
+    if (in_use_) in_use_->gpio_->set(in_use_->safe_);
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+  }
+  static inline Outputs* in_use_ = nullptr;
+  OutputLevels safe_{};
+  std::unique_ptr<Gpio> gpio_;
+};
 
 /// Keeps every published block in memory and writes them when the loop is over.
 class RegisterLog {
@@ -89,40 +135,50 @@ class RegisterLog {
   std::vector<std::array<std::uint16_t, kMeasurementRegisters>> blocks_;
 };
 
-/// Frames in, registers out, until the recording ends or a signal comes.
-void run(Camera& camera, FrameLoop& loop, ModbusServer& server, RegisterLog& log) {
+/// Frames in, registers and outputs out, until the recording ends or a signal comes. False: the outputs failed.
+bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
   constexpr int kFrameTimeoutMs = 100;  // six frame times at 60 frames/s: the camera has stalled
   while (!stop_requested) {
     Frame frame;
     if (camera.next(frame, kFrameTimeoutMs)) {
       const RegisterImage& image = loop.step(frame);
       server.publish(image);
+      if (!outputs.set(image)) return false;
       log.add(image);
     } else if (camera.ended()) {
       break;
     } else {
-      server.publish(loop.step_without_frame(steady_now_ns()));
+      const RegisterImage& image = loop.step_without_frame(steady_now_ns());
+      server.publish(image);
+      if (!outputs.set(image)) return false;
     }
   }
+  return true;
 }
 
 int start(const Arguments& arguments) {
   const Settings settings = read_settings(arguments.settings);
+  if (arguments.safe_outputs) {
+    const Outputs outputs(settings.gpio);  // takes the lines at their safe levels
+    return 0;
+  }
   const Model model = Model::open(settings.pack);
   check_self_test(model);
   std::fprintf(stderr, "finsightd: model %s (%d tets) passed its self-test\n", model.finger_name.c_str(),
                model.shape.tets);
-  FrameLoop loop(model, session_camera(settings, model), settings.loop);
-  const auto camera = settings.source == Settings::Source::kSession ? open_session_camera(settings.replay)
-                                                                    : open_pose_camera(settings.replay);
+  FrameLoop loop(model, lens_of(settings, model), settings.loop);
+  const auto camera = open_camera(settings);
   if (arguments.check) return 0;
+  Outputs outputs(settings.gpio);
   ModbusServer server(settings.modbus);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
-  run(*camera, loop, server, log);
+  if (!run(*camera, loop, server, outputs, log)) throw std::runtime_error("gpio: the outputs cannot be set any more");
   log.write();
-  std::fprintf(stderr, "%s", loop.times().table().c_str());
-  if (camera->error().empty()) return 0;
+  const CameraCounts counts = camera->counts();
+  std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
+               loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
+  if (!camera->ended() || camera->error().empty()) return 0;
   std::fprintf(stderr, "finsightd: %s\n", camera->error().c_str());
   return 2;
 }
