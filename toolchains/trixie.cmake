@@ -1,0 +1,32 @@
+# clang 19 and lld 19 (Debian 12 and 13 both have them) against a Debian 13 sysroot made by scripts/sysroot. Included by
+# the toolchain files beside it, which set FINSIGHT_DEBIAN_ARCH, FINSIGHT_TRIPLE and CMAKE_SYSTEM_PROCESSOR.
+set(CMAKE_SYSTEM_NAME Linux)
+set(CMAKE_SYSROOT ${CMAKE_CURRENT_LIST_DIR}/../build/sysroot-${FINSIGHT_DEBIAN_ARCH})
+cmake_path(NORMAL_PATH CMAKE_SYSROOT)
+if(NOT EXISTS ${CMAKE_SYSROOT}/finsight-sysroot)
+  message(FATAL_ERROR "${CMAKE_SYSROOT} is missing: run scripts/setup --cross and scripts/sysroot ${FINSIGHT_DEBIAN_ARCH}")
+endif()
+
+set(CMAKE_CXX_COMPILER clang++-19)
+set(CMAKE_CXX_COMPILER_TARGET ${FINSIGHT_TRIPLE})
+set(CMAKE_C_COMPILER clang-19)
+set(CMAKE_C_COMPILER_TARGET ${FINSIGHT_TRIPLE})
+set(CMAKE_AR llvm-ar-19)
+set(CMAKE_RANLIB llvm-ranlib-19)
+set(CMAKE_STRIP llvm-strip-19)
+# Without --gcc-install-dir clang takes the libstdc++ of a cross g++ that the workstation happens to have.
+set(_gcc --gcc-install-dir=${CMAKE_SYSROOT}/usr/lib/gcc/${FINSIGHT_TRIPLE}/14)
+set(CMAKE_C_FLAGS_INIT ${_gcc})
+set(CMAKE_CXX_FLAGS_INIT "${_gcc} -stdlib=libstdc++")
+set(CMAKE_EXE_LINKER_FLAGS_INIT "-fuse-ld=lld -Wl,--as-needed")
+set(CMAKE_SHARED_LINKER_FLAGS_INIT "-fuse-ld=lld -Wl,--as-needed")
+
+set(CMAKE_LIBRARY_ARCHITECTURE ${FINSIGHT_TRIPLE})
+set(CMAKE_FIND_ROOT_PATH ${CMAKE_SYSROOT})
+set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
+set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+set(ENV{PKG_CONFIG_SYSROOT_DIR} ${CMAKE_SYSROOT})
+set(ENV{PKG_CONFIG_LIBDIR} ${CMAKE_SYSROOT}/usr/lib/${FINSIGHT_TRIPLE}/pkgconfig:${CMAKE_SYSROOT}/usr/share/pkgconfig)
+set(ENV{PKG_CONFIG_PATH} "")
