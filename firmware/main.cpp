@@ -15,6 +15,7 @@
 #include "firmware/appliance.h"
 #include "firmware/frame_loop.h"
 #include "firmware/input_error.h"
+#include "firmware/outputs.h"
 #include "firmware/self_test.h"
 #include "firmware/settings.h"
 
@@ -25,11 +26,12 @@ using namespace finsight;
 constexpr const char* kUsage =
     "finsightd: a soft finger's camera in, touch on Modbus registers out.\n"
     "\n"
-    "usage: finsightd --settings FILE [--user FILE] [--registers CSV]\n"
+    "usage: finsightd --settings FILE [--user FILE] [--registers CSV | --check | --safe-outputs | ...]\n"
     "  --settings FILE   board file (TOML); boards/replay/board.toml is one with every key explained\n"
     "  --user FILE       its values take the place of the board file's\n"
     "  --registers CSV   at the end, write every published register block to this file\n"
     "  --check           read settings and model, run the self-test, and stop\n"
+    "  --safe-outputs    set the digital outputs to their safe levels, and stop: for after a crash\n"
     "  --network FILE    write the [network] section for systemd-networkd to this file, and stop\n"
     "  --safe-mode CODE  only serve a fault: that the firmware ended again and again with this exit code\n"
     "  --help, --version\n"
@@ -42,7 +44,7 @@ std::atomic<bool> stop_requested{false};
 struct Arguments {
   std::string settings, user, registers, network;
   std::optional<std::string> safe_mode;
-  bool check = false;
+  bool check = false, safe_outputs = false;
 };
 
 std::optional<Arguments> parse(int argc, char** argv) {
@@ -61,6 +63,8 @@ std::optional<Arguments> parse(int argc, char** argv) {
       arguments.registers = argv[++i];
     } else if (word == "--check") {
       arguments.check = true;
+    } else if (word == "--safe-outputs") {
+      arguments.safe_outputs = true;
     } else {
       return std::nullopt;
     }
@@ -68,14 +72,56 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments.settings.empty() ? std::nullopt : std::optional(arguments);
 }
 
-std::optional<CameraModel> session_camera(const Settings& settings, const Model& model) {
-  if (settings.source != Settings::Source::kSession) return std::nullopt;
+/// What the pictures are seen through; nothing where there are none.
+std::optional<CameraModel> lens_of(const Settings& settings, const Model& model) {
+  if (settings.source == Settings::Source::kCamera) return settings.lens;
+  if (settings.source == Settings::Source::kPoses) return std::nullopt;
   const SessionInfo info = read_session_info(settings.replay.path);
   if (info.marker_id != model.mount.marker_id) {
     throw InputError((settings.replay.path / "session.toml").string(), "marker ids are not those of the model pack");
   }
   return camera_of(info);
 }
+
+std::unique_ptr<Camera> open_camera(const Settings& settings) {
+  switch (settings.source) {
+    case Settings::Source::kSession:
+      return open_session_camera(settings.replay);
+    case Settings::Source::kPoses:
+      return open_pose_camera(settings.replay);
+    case Settings::Source::kCamera:
+      break;
+  }
+  return open_live_camera(settings.live,
+                          [](const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); });
+}
+
+/// The digital outputs, if the board has any: safe until the first frame, on faults, at exit, and when we crash.
+class Outputs {
+ public:
+  explicit Outputs(const std::optional<GpioSettings>& settings) {
+    if (!settings) return;
+    safe_ = safe_levels(*settings);
+    gpio_ = open_gpio(*settings);
+    in_use_ = this;
+    for (const int fault : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL}) std::signal(fault, on_crash);
+  }
+  ~Outputs() { in_use_ = nullptr; }
+  Outputs(const Outputs&) = delete;
+  Outputs& operator=(const Outputs&) = delete;
+
+  bool set(const RegisterImage& image) { return !gpio_ || gpio_->set(output_levels(image.words[0], safe_)); }
+
+ private:
+  static void on_crash(int signal) {
+    if (in_use_) in_use_->gpio_->set(in_use_->safe_);
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+  }
+  static inline Outputs* in_use_ = nullptr;
+  OutputLevels safe_{};
+  std::unique_ptr<Gpio> gpio_;
+};
 
 /// Keeps every published block in memory and writes them when the loop is over.
 class RegisterLog {
@@ -102,8 +148,8 @@ class RegisterLog {
   std::vector<std::array<std::uint16_t, kMeasurementRegisters>> blocks_;
 };
 
-/// Frames in, registers out, until the recording ends or a signal comes.
-void run(Camera& camera, FrameLoop& loop, ModbusServer& server, RegisterLog& log) {
+/// Frames in, registers and outputs out, until the recording ends or a signal comes. False: the outputs failed.
+bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
   Supervisor supervisor;
   supervisor.ready();
   constexpr int kFrameTimeoutMs = 100;  // six frame times at 60 frames/s: the camera has stalled
@@ -113,13 +159,17 @@ void run(Camera& camera, FrameLoop& loop, ModbusServer& server, RegisterLog& log
       const RegisterImage& image = loop.step(frame);
       server.publish(image);
       supervisor.alive(steady_now_ns());
+      if (!outputs.set(image)) return false;
       log.add(image);
     } else if (camera.ended()) {
       break;
     } else {
-      server.publish(loop.step_without_frame(steady_now_ns()));
+      const RegisterImage& image = loop.step_without_frame(steady_now_ns());
+      server.publish(image);
+      if (!outputs.set(image)) return false;
     }
   }
+  return true;
 }
 
 /// The firmware cannot work: clients see why. Needs no model and no camera, and settings only as far as they are good.
@@ -127,11 +177,13 @@ int serve_fault(const Arguments& arguments) {
   ModbusSettings modbus{.address = "0.0.0.0", .port = 502};
   LoopState state;
   state.fault = *arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
+  std::optional<Outputs> outputs;  // stay safe from their opening on
   try {
     const Settings settings = read_settings(arguments.settings, arguments.user);
     modbus = settings.modbus;
     state.word_order = settings.loop.word_order;
-  } catch (const InputError& error) {
+    outputs.emplace(settings.gpio);
+  } catch (const std::exception& error) {
     std::fprintf(stderr, "finsightd: %s\n", error.what());
   }
   ModbusServer server(modbus);
@@ -161,22 +213,28 @@ int start(const Arguments& arguments) {
   if (arguments.safe_mode) return serve_fault(arguments);
   if (!arguments.network.empty()) return write_network(arguments);
   const Settings settings = read_settings(arguments.settings, arguments.user);
+  if (arguments.safe_outputs) {
+    const Outputs outputs(settings.gpio);  // takes the lines at their safe levels
+    return 0;
+  }
   const Model model = Model::open(settings.pack);
   check_self_test(model);
   std::fprintf(stderr, "finsightd: model %s (%d tets) passed its self-test\n", model.finger_name.c_str(),
                model.shape.tets);
-  FrameLoop loop(model, session_camera(settings, model), settings.loop);
-  const auto camera = settings.source == Settings::Source::kSession ? open_session_camera(settings.replay)
-                                                                    : open_pose_camera(settings.replay);
+  FrameLoop loop(model, lens_of(settings, model), settings.loop);
+  const auto camera = open_camera(settings);
   if (arguments.check) return 0;
+  Outputs outputs(settings.gpio);
   ModbusServer server(settings.modbus);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
-  run(*camera, loop, server, log);
+  if (!run(*camera, loop, server, outputs, log)) throw std::runtime_error("gpio: the outputs cannot be set any more");
   log.write();
-  std::fprintf(stderr, "%s", loop.times().table().c_str());
-  if (!camera->error().empty()) throw InputError(settings.replay.path.string(), camera->error());
+  const CameraCounts counts = camera->counts();
+  std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
+               loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
+  if (camera->ended() && !camera->error().empty()) throw InputError(settings.replay.path.string(), camera->error());
   return 0;
 }
 

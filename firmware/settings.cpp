@@ -7,14 +7,75 @@ namespace finsight {
 
 namespace {
 
-void read_source(TomlTable table, Settings& settings) {
-  const bool session = table.choice("kind", {"session", "poses"}) == "session";
-  settings.source = session ? Settings::Source::kSession : Settings::Source::kPoses;
+void read_replay(TomlTable& table, Settings& settings) {
   settings.replay.path = table.path("path");
-  if (!session) settings.replay.recording = table.text("recording", "");
+  if (settings.source == Settings::Source::kPoses) settings.replay.recording = table.text("recording", "");
   settings.replay.recorded_speed = table.choice("speed", {"recorded", "full"}, "recorded") == "recorded";
   settings.replay.repeat = table.flag("repeat", false);
+}
+
+void read_live(TomlTable& table, Settings& settings) {
+  LiveCameraSettings& live = settings.live;
+  live.name = table.text("camera", "");
+  live.width_px = static_cast<int>(table.integer("width_px", 16, Y4mReader::kMaxSide));
+  live.height_px = static_cast<int>(table.integer("height_px", 16, Y4mReader::kMaxSide));
+  live.frames_per_second = table.number("frames_per_second", 1, 1000);
+  if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
+  if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);
+  live.stall_ms = static_cast<int>(table.integer("stall_ms", 50, 60'000, 500));
+  SessionInfo picture;
+  picture.width_px = live.width_px;
+  picture.height_px = live.height_px;
+  TomlTable lens = table.table("lens");
+  const std::string where = lens.where();
+  read_lens(std::move(lens), picture);
+  settings.lens = camera_of(picture);
+  try {
+    check_camera(settings.lens);
+  } catch (const InputError& error) {
+    throw InputError(where, error.what());
+  }
+}
+
+void read_source(TomlTable table, Settings& settings) {
+  using Source = Settings::Source;
+  const std::string kind = table.choice("kind", {"session", "poses", "camera"});
+  settings.source = kind == "session" ? Source::kSession : kind == "poses" ? Source::kPoses : Source::kCamera;
+  settings.source == Source::kCamera ? read_live(table, settings) : read_replay(table, settings);
   table.finish();
+}
+
+/// `safe` belongs to whoever wires the machine, so there is no default; healthy is safe when it says "not healthy".
+OutputLine read_line(TomlTable table, bool has_safe_level) {
+  OutputLine line;
+  if (table.has("name") == table.has("number")) {
+    throw InputError(table.where(), "a line has either a name or a number");
+  }
+  if (table.has("name")) {
+    line.name = table.text("name");
+    if (line.name.empty()) throw InputError(table.where("name"), "name", "\"\"", "the name of a line");
+  } else {
+    line.number = static_cast<unsigned>(table.integer("number", 0, 1023));
+  }
+  line.active_low = table.flag("active_low", false);
+  if (has_safe_level) line.safe_active = table.choice("safe", {"active", "inactive"}) == "active";
+  table.finish();
+  return line;
+}
+
+GpioSettings read_gpio(TomlTable table) {
+  GpioSettings gpio;
+  gpio.chip = table.text("chip");
+  gpio.consumer = table.text("consumer", "finsight");
+  bool any = false;
+  for (int output = 0; output < kOutputs; ++output) {
+    if (!table.has(kOutputName[output])) continue;
+    gpio.lines[output] = read_line(table.table(kOutputName[output]), output != kHealthyOutput);
+    any = true;
+  }
+  if (!any) throw InputError(table.where(), "gpio", "no line", "contact, overload or healthy");
+  table.finish();
+  return gpio;
 }
 
 void read_shape(TomlTable table, ShapeSettings& shape) {
@@ -69,6 +130,7 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
   read_source(root.table("source"), settings);
   if (root.has("shape")) read_shape(root.table("shape"), settings.loop.shape);
   read_modbus(root.table("modbus"), settings);
+  if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
   settings.loop.hold_time_ns = root.integer("hold_time_ms", 0, 10000, 200) * 1'000'000;
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);

@@ -9,14 +9,18 @@
 #include "firmware/frame_loop.h"
 #include "firmware/modbus/server.h"
 #include "firmware/ports/camera.h"
+#include "firmware/ports/gpio.h"
 #include "firmware/shape/shape_stage.h"
 
 namespace finsight {
 
 struct Settings {
   std::filesystem::path pack;
-  enum class Source { kSession, kPoses } source = Source::kSession;
-  ReplaySettings replay;
+  enum class Source { kSession, kPoses, kCamera } source = Source::kSession;
+  ReplaySettings replay;    ///< of a session or poses
+  LiveCameraSettings live;  ///< of a camera,
+  CameraModel lens;         ///< and what it sees through
+  std::optional<GpioSettings> gpio;
   LoopSettings loop;
   ModbusSettings modbus;
   RealtimeSettings realtime;

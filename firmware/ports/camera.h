@@ -1,17 +1,24 @@
-// Where frames come from. One interface because there are two kinds of hardware behind it: a real camera (libcamera,
-// on boards) and a replayed recording.
+// Where frames come from. One interface because there are several things behind it: a real camera (libcamera, on
+// boards), what opens it again when it is lost, and a replayed recording.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "firmware/ports/session.h"
 #include "firmware/types.h"
 
 namespace finsight {
+
+/// What a camera counts beside its frames' sequence numbers, whose gaps are the dropped frames.
+struct CameraCounts {
+  std::uint32_t late = 0;    ///< frames that came more than two frame times after their exposure
+  std::uint32_t losses = 0;  ///< how often it stopped and had to be opened again
+};
 
 class Camera {
  public:
@@ -23,6 +30,7 @@ class Camera {
   virtual bool ended() const = 0;
   /// Why frames stopped coming; empty while all is well.
   virtual std::string error() const = 0;
+  virtual CameraCounts counts() const { return {}; }
 };
 
 /// Nanoseconds of the steady clock; tests bring their own time.
@@ -48,5 +56,30 @@ struct ReplaySettings {
 std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings);
 /// Frames with plate poses instead of pictures: only the top plate is seen, at 60 frames per second.
 std::unique_ptr<Camera> open_pose_camera(const ReplaySettings& settings);
+
+/// Which camera, and how it is to be run.
+struct LiveCameraSettings {
+  std::string name = "";  ///< part of the camera's id or model; empty: the only one there is
+  int width_px = 0, height_px = 0;
+  double frames_per_second = 0;                   ///< set where the camera lets it be set
+  std::optional<int> exposure_us = std::nullopt;  ///< either of these two ends the camera's automatic exposure
+  std::optional<double> gain = std::nullopt;
+  int stall_ms = 500;  ///< without a frame for so long the camera counts as lost
+};
+
+/// A camera that stays usable when the hardware does not: next() gives no frame while the camera is missing, refuses
+/// its settings, is unplugged or stalls; meanwhile a thread opens it again and again, after 0.1 s, 0.2 s, ... 5 s.
+/// error() is then why. `sequence` goes on without a gap. `report` is called from that thread, when the reason changes.
+/// Throws InputError in a build without libcamera.
+std::unique_ptr<Camera> open_live_camera(const LiveCameraSettings& settings,
+                                         std::function<void(const std::string&)> report);
+
+/// The same around any camera, for tests: `open` throws std::exception when there is no camera now.
+std::unique_ptr<Camera> keep_open(std::function<std::unique_ptr<Camera>()> open, const LiveCameraSettings& settings,
+                                  std::function<void(const std::string&)> report, const ReplayClock& clock);
+
+/// The camera itself, once, through libcamera (not in a build without it); ended() says that it is lost. Throws
+/// InputError with what there is if no camera or mode matches, or the camera has no such control or range.
+std::unique_ptr<Camera> open_libcamera(const LiveCameraSettings& settings);
 
 }  // namespace finsight

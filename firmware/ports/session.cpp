@@ -51,6 +51,18 @@ std::array<int, kPlates> read_marker_ids(TomlTable& markers) {
 
 }  // namespace
 
+void read_lens(TomlTable table, SessionInfo& info) {
+  const std::vector<double> pinhole = table.numbers("fx_fy_cx_cy", 4, -1e5, 1e5);
+  if (!(pinhole[0] > 0 && pinhole[1] > 0)) {
+    throw InputError(table.where("fx_fy_cx_cy"), "fx_fy_cx_cy", shortest(std::min(pinhole[0], pinhole[1])),
+                     "focal lengths above 0 pixels");
+  }
+  std::copy(pinhole.begin(), pinhole.end(), info.fx_fy_cx_cy.begin());
+  const std::vector<double> lens = table.numbers("k1_k2_p1_p2_k3", 5, -100, 100);
+  std::copy(lens.begin(), lens.end(), info.k1_k2_p1_p2_k3.begin());
+  table.finish();
+}
+
 SessionInfo read_session_info(const std::filesystem::path& folder) {
   TomlTable table = TomlTable::parse_file(folder / kSessionInfo);
   SessionInfo info;
@@ -59,16 +71,7 @@ SessionInfo read_session_info(const std::filesystem::path& folder) {
   info.height_px = static_cast<int>(table.integer("height_px", 1, Y4mReader::kMaxSide));
   info.frames_per_second = table.number("frames_per_second", 1, 1000);
 
-  TomlTable camera = table.table("camera");
-  const std::vector<double> pinhole = camera.numbers("fx_fy_cx_cy", 4, -1e5, 1e5);
-  if (!(pinhole[0] > 0 && pinhole[1] > 0)) {
-    throw InputError(camera.where("fx_fy_cx_cy"), "camera.fx_fy_cx_cy", shortest(std::min(pinhole[0], pinhole[1])),
-                     "focal lengths above 0 pixels");
-  }
-  std::copy(pinhole.begin(), pinhole.end(), info.fx_fy_cx_cy.begin());
-  const std::vector<double> lens = camera.numbers("k1_k2_p1_p2_k3", 5, -100, 100);
-  std::copy(lens.begin(), lens.end(), info.k1_k2_p1_p2_k3.begin());
-  camera.finish();
+  read_lens(table.table("camera"), info);
 
   TomlTable markers = table.table("markers");
   info.marker_dictionary = markers.choice("dictionary", {"DICT_4X4_50"});

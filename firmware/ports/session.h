@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "firmware/toml_table.h"
 #include "firmware/types.h"
 
 namespace finsight {
@@ -30,6 +31,8 @@ struct SessionInfo {
   double marker_size_mm = 0;               ///< side of the black square
   std::string description;                 ///< what was recorded
 };
+/// The lens: keys fx_fy_cx_cy and k1_k2_p1_p2_k3 of a table, the same in session.toml and in a board file. Strict.
+void read_lens(TomlTable table, SessionInfo& info);
 /// Strict: unknown keys, wrong types, numbers that cannot be a camera or repeated marker ids throw InputError.
 SessionInfo read_session_info(const std::filesystem::path& folder);
 /// The text of session.toml; read_session_info() gives the same numbers back, to the last bit.

@@ -142,8 +142,9 @@ TEST_CASE("neo_hookean: vectors compute what numbers compute, lane by lane") {
   all.evaluate();
   for (int lane = 0; lane < finsight::simd::kLanes<Pack>; ++lane) {
     const auto one = state_of(random_deformation(static_cast<std::uint32_t>(lane + 7)), kMaterial);
-    CHECK(all.J[lane] == doctest::Approx(one.J).epsilon(1e-14));
-    CHECK(all.b[lane] == doctest::Approx(one.b).epsilon(1e-12));
-    CHECK(all.c[lane] == doctest::Approx(one.c).epsilon(1e-14));
+    const double J = all.J[lane], b = all.b[lane], c = all.c[lane];
+    CHECK(J == doctest::Approx(one.J).epsilon(1e-14));
+    CHECK(b == doctest::Approx(one.b).epsilon(1e-12));
+    CHECK(c == doctest::Approx(one.c).epsilon(1e-14));
   }
 }

@@ -1,0 +1,47 @@
+// Digital outputs: lines of a GPIO chip, driven through libgpiod 2. One interface because tests record instead.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+namespace finsight {
+
+enum Output : std::uint8_t { kContactOutput, kOverloadOutput, kHealthyOutput };
+inline constexpr int kOutputs = 3;
+inline constexpr std::array<const char*, kOutputs> kOutputName = {"contact", "overload", "healthy"};
+
+/// One level per output; true: active (which voltage that is, the line's `active_low` says).
+using OutputLevels = std::array<bool, kOutputs>;
+
+struct OutputLine {
+  std::string name;  ///< as the chip names it; empty: by number
+  unsigned number = 0;
+  bool active_low = false;
+  bool safe_active = false;  ///< the level on a fault, before the first frame and at exit
+};
+
+struct GpioSettings {
+  std::string chip;      ///< path ("/dev/gpiochip0") or label ("pinctrl-bcm2711"); labels stay the same over kernels
+  std::string consumer;  ///< what tools such as gpioinfo show as the lines' user
+  std::array<std::optional<OutputLine>, kOutputs> lines;
+};
+
+OutputLevels safe_levels(const GpioSettings& settings);
+
+class Gpio {
+ public:
+  /// Sets the safe levels and gives the lines back.
+  virtual ~Gpio() = default;
+  /// All lines at once; levels of outputs that have no line are ignored. False: the chip refused. Never throws or
+  /// allocates; may be called from a signal handler.
+  virtual bool set(const OutputLevels& levels) = 0;
+};
+
+/// Takes the lines, at their safe levels. Throws InputError, with what there is, for a chip or line that does not
+/// exist, a line that is in use or named twice, and always in a build without libgpiod 2.
+std::unique_ptr<Gpio> open_gpio(const GpioSettings& settings);
+
+}  // namespace finsight

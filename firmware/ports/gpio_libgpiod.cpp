@@ -1,0 +1,137 @@
+// The GPIO port on libgpiod 2's C interface: its C++ one throws, which the frame loop must not see.
+#include <gpiod.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+#include "firmware/input_error.h"
+#include "firmware/ports/gpio.h"
+
+namespace finsight {
+
+namespace {
+
+template <auto release>
+struct Release {
+  template <class T>
+  void operator()(T* object) const {
+    release(object);
+  }
+};
+template <class T, auto release>
+using Owned = std::unique_ptr<T, Release<release>>;
+using Chip = Owned<gpiod_chip, gpiod_chip_close>;
+using ChipInfo = Owned<gpiod_chip_info, gpiod_chip_info_free>;
+using LineInfo = Owned<gpiod_line_info, gpiod_line_info_free>;
+using LineSettings = Owned<gpiod_line_settings, gpiod_line_settings_free>;
+using LineConfig = Owned<gpiod_line_config, gpiod_line_config_free>;
+using RequestConfig = Owned<gpiod_request_config, gpiod_request_config_free>;
+using LineRequest = Owned<gpiod_line_request, gpiod_line_request_release>;
+
+std::string quoted(const std::string& text) { return "\"" + text + "\""; }
+
+/// By path or by label. If there is none, the message lists the chips of this machine.
+Chip open_chip(const std::string& wanted) {
+  if (wanted.starts_with('/')) {
+    Chip chip(gpiod_chip_open(wanted.c_str()));
+    if (!chip) throw InputError("gpio.chip", quoted(wanted) + " cannot be opened: " + std::strerror(errno));
+    return chip;
+  }
+  std::string found;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator("/dev", ignored)) {
+    const std::string path = entry.path().string();
+    if (!path.starts_with("/dev/gpiochip")) continue;
+    Chip chip(gpiod_chip_open(path.c_str()));
+    const ChipInfo info(chip ? gpiod_chip_get_info(chip.get()) : nullptr);
+    if (!info) {
+      found += (found.empty() ? "" : ", ") + path + " (" + std::strerror(errno) + ")";
+      continue;
+    }
+    const std::string label = gpiod_chip_info_get_label(info.get());
+    if (label == wanted) return chip;
+    found += (found.empty() ? "" : ", ") + path + " (" + quoted(label) + ")";
+  }
+  throw InputError("gpio.chip", found.empty() ? "no chip" : found, "a path or label", quoted(wanted));
+}
+
+/// Which line of the chip is meant; it must be free.
+unsigned find_line(gpiod_chip* chip, const OutputLine& line, const std::string& field) {
+  int offset = static_cast<int>(line.number);
+  if (!line.name.empty()) {
+    offset = gpiod_chip_get_line_offset_from_name(chip, line.name.c_str());
+    if (offset < 0) throw InputError(field, "the chip has no line named " + quoted(line.name));
+  }
+  const std::string shown = line.name.empty() ? std::to_string(offset) : quoted(line.name);
+  const LineInfo info(gpiod_chip_get_line_info(chip, static_cast<unsigned>(offset)));
+  if (!info) throw InputError(field, "the chip has no line " + shown + " (" + std::strerror(errno) + ")");
+  if (gpiod_line_info_is_used(info.get())) {
+    const char* consumer = gpiod_line_info_get_consumer(info.get());
+    throw InputError(field, "line " + shown + " is in use by " + quoted(consumer ? consumer : "the kernel"));
+  }
+  return static_cast<unsigned>(offset);
+}
+
+gpiod_line_value value(bool active) { return active ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE; }
+
+/// libgpiod's functions that make or change something fail for want of memory, mostly.
+void check(bool done, const std::string& field) {
+  if (!done) throw InputError(field, std::string("cannot be requested: ") + std::strerror(errno));
+}
+
+class LibgpiodGpio : public Gpio {
+ public:
+  explicit LibgpiodGpio(const GpioSettings& settings) : safe_(safe_levels(settings)) {
+    const Chip chip = open_chip(settings.chip);
+    const LineConfig lines(gpiod_line_config_new());
+    check(lines != nullptr, "gpio");
+    for (int output = 0; output < kOutputs; ++output) {
+      if (!settings.lines[output]) continue;
+      const std::string field = std::string("gpio.") + kOutputName[output];
+      const unsigned offset = find_line(chip.get(), *settings.lines[output], field);
+      for (int i = 0; i < count_; ++i) {
+        if (offset_[i] == offset) throw InputError(field, std::string("is the line of ") + kOutputName[output_[i]]);
+      }
+      add_line(lines.get(), offset, *settings.lines[output], field);
+      offset_[count_] = offset;
+      output_[count_++] = output;
+    }
+    const RequestConfig request(gpiod_request_config_new());
+    check(request != nullptr, "gpio");
+    gpiod_request_config_set_consumer(request.get(), settings.consumer.c_str());
+    request_.reset(gpiod_chip_request_lines(chip.get(), request.get(), lines.get()));
+    check(request_ != nullptr, "gpio");
+  }
+
+  ~LibgpiodGpio() override { LibgpiodGpio::set(safe_); }
+
+  bool set(const OutputLevels& levels) override {
+    std::array<gpiod_line_value, kOutputs> values{};
+    for (int i = 0; i < count_; ++i) values[i] = value(levels[output_[i]]);
+    return gpiod_line_request_set_values(request_.get(), values.data()) == 0;  // in the order of the request
+  }
+
+ private:
+  /// The line is an output at its safe level from the first moment on.
+  static void add_line(gpiod_line_config* lines, unsigned offset, const OutputLine& line, const std::string& field) {
+    const LineSettings settings(gpiod_line_settings_new());
+    check(settings != nullptr, field);
+    gpiod_line_settings_set_active_low(settings.get(), line.active_low);
+    check(gpiod_line_settings_set_direction(settings.get(), GPIOD_LINE_DIRECTION_OUTPUT) == 0, field);
+    check(gpiod_line_settings_set_output_value(settings.get(), value(line.safe_active)) == 0, field);
+    check(gpiod_line_config_add_line_settings(lines, &offset, 1, settings.get()) == 0, field);
+  }
+
+  OutputLevels safe_;
+  LineRequest request_;
+  int count_ = 0;
+  std::array<int, kOutputs> output_{};  // which output the request's i-th line is
+  std::array<unsigned, kOutputs> offset_{};
+};
+
+}  // namespace
+
+std::unique_ptr<Gpio> open_gpio(const GpioSettings& settings) { return std::make_unique<LibgpiodGpio>(settings); }
+
+}  // namespace finsight

@@ -1,0 +1,158 @@
+#!/usr/bin/python3
+"""The camera port with libcamera's virtual camera, fed with rendered frames, under sanitizers: its own tests, then the
+whole firmware, whose registers must be those of the same frames replayed. Skips without the Debian 13 sysroot.
+
+usage: virtual_camera.py BINARY_DIR SOURCE_DIR [unittest arguments]
+"""
+import csv
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+BINARIES = Path(sys.argv.pop(1))
+SOURCE = Path(sys.argv.pop(1))
+TRIXIE = SOURCE / "build" / "amd64-trixie"
+WORK = BINARIES / "system-test"
+PACK = WORK / "srm.safetensors"
+SPEC = SOURCE / "hostgen" / "fingers" / "srm.toml"
+FRAMES = WORK / "virtual-camera"    # the camera's JPEGs,
+PICTURES = WORK / "virtual-pictures"  # the same frames as they were,
+SESSION = WORK / "virtual-session"    # and as a session
+CHOSEN = (0, 70, 110, 150)  # of the rendered frames
+SKIPPED = 77
+
+YAML = f'''# SPDX-License-Identifier: CC0-1.0
+%YAML 1.1
+---
+"Finger0":
+  supported_formats:
+  - width: 640
+    height: 480
+    frame_rates: [60, 60]
+  frames:
+    path: "{FRAMES}/"
+  location: "CameraLocationExternal"
+  model: "virtual finger camera"
+'''
+
+
+def run(*words, **options):
+    answer = subprocess.run([str(w) for w in words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=1800,
+                            **options)
+    if answer.returncode != 0:
+        sys.exit(f"{words}: exit code {answer.returncode}\n" + answer.stdout.decode(errors="replace"))
+
+
+def read_y4m(path, wanted):
+    """The stream's header and the wanted frames."""
+    with open(path, "rb") as file:
+        header = file.readline()
+        fields = {word[:1]: word[1:] for word in header.split()[1:]}
+        size = int(fields[b"W"]) * int(fields[b"H"])
+        frames = []
+        for k in range(max(wanted) + 1):
+            assert file.readline().startswith(b"FRAME")
+            pixels = file.read(size)
+            if k in wanted:
+                frames.append(pixels)
+    return header, frames
+
+
+def make_frames():
+    """Four rendered frames as the camera's JPEGs (it takes nothing else), as PGMs, and as a session."""
+    rendered = WORK / "virtual-rendered"
+    run(BINARIES / "hostgen", "render", SPEC, "-o", rendered, "--seconds", 3)
+    header, frames = read_y4m(rendered / "frames.y4m", CHOSEN)
+    for folder in (FRAMES, PICTURES, SESSION):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+    (SESSION / "frames.y4m").write_bytes(header + b"".join(b"FRAME\n" + pixels for pixels in frames))
+    shutil.copy(rendered / "session.toml", SESSION)
+    for k, pixels in enumerate(frames):
+        pgm = b"P5\n640 480\n255\n" + pixels
+        (PICTURES / f"{k}.pgm").write_bytes(pgm)
+        jpeg = subprocess.run(["cjpeg", "-quality", "100", "-grayscale"], input=pgm, stdout=subprocess.PIPE, check=True)
+        (FRAMES / f"{k}.jpg").write_bytes(jpeg.stdout)
+
+
+def prepare():
+    WORK.mkdir(exist_ok=True)
+    run("cmake", "--preset", "amd64-trixie", cwd=SOURCE)
+    run("cmake", "--build", "--preset", "amd64-trixie", "--target", "finsightd", "udmabuf_shim",
+        "test_ports_camera_libcamera", "test_ports_gpio_libgpiod", "test_ports_live_camera", cwd=SOURCE)
+    if not PACK.exists():
+        run(BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--profile", "quick")
+    make_frames()
+    yaml = WORK / "virtual.yaml"
+    yaml.write_text(YAML)
+    return {**os.environ, "LD_PRELOAD": str(TRIXIE / "tests" / "libudmabuf_shim.so"),
+            "FINSIGHT_VIRTUAL_YAML": str(yaml), "FINSIGHT_VIRTUAL_FRAMES": str(PICTURES),
+            "ASAN_OPTIONS": "quarantine_size_mb=1:verify_asan_link_order=0"}
+
+
+def board(name, source):
+    path = WORK / f"virtual-{name}.toml"
+    path.write_text(f'pack = "{PACK}"\n[source]\n{source}\n[modbus]\nport = 0\n')
+    return path
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return [[int(word) for word in row] for row in list(csv.reader(file))[1:]]
+
+
+def measured(row):
+    """Touch and top plate, in 0.01 mm and 0.01 degrees."""
+    return [word - 65536 if word >= 32768 else word for word in row[5:8] + row[14:20]]
+
+
+class VirtualCamera(unittest.TestCase):
+    def setUp(self):
+        for name in ("camera", "replay"):
+            (WORK / f"virtual-{name}.csv").unlink(missing_ok=True)
+
+    def test_the_ports_own_tests(self):
+        for name in ("live_camera", "gpio_libgpiod", "camera_libcamera"):
+            with self.subTest(name):
+                answer = subprocess.run([TRIXIE / "tests" / f"test_ports_{name}"], env=ENVIRONMENT, text=True,
+                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+                print(answer.stdout)
+                self.assertEqual(answer.returncode, 0, answer.stdout)
+
+    def test_the_cameras_registers_are_those_of_the_replay(self):
+        lens = (SESSION / "session.toml").read_text().split("[camera]")[1].split("[markers]")[0].split("\n", 1)[1]
+        camera = board("camera", 'kind = "camera"\ncamera = "Finger0"\nwidth_px = 640\nheight_px = 480\n'
+                                 f"frames_per_second = 60\n[source.lens]\n{lens}")
+        replay = board("replay", f'kind = "session"\npath = "{SESSION}"\nspeed = "full"')
+        run(TRIXIE / "finsightd", "--settings", replay, "--registers", WORK / "virtual-replay.csv", env=ENVIRONMENT)
+        process = subprocess.Popen([TRIXIE / "finsightd", "--settings", camera, "--registers",
+                                    WORK / "virtual-camera.csv"], env=ENVIRONMENT, stderr=subprocess.PIPE, text=True)
+        time.sleep(10)
+        process.send_signal(signal.SIGTERM)
+        said = process.communicate(timeout=60)[1]
+        self.assertEqual(process.returncode, 0, said)
+        print(said)
+
+        expected = [measured(row) for row in rows(WORK / "virtual-replay.csv")]
+        seen = set()
+        frames = rows(WORK / "virtual-camera.csv")
+        for row in frames:
+            distances = [max(abs(a - b) for a, b in zip(measured(row), one)) for one in expected]
+            nearest = min(range(len(expected)), key=lambda k: distances[k])
+            self.assertLessEqual(distances[nearest], 5, "counts; JPEG of quality 100 costs one or two")
+            seen.add(nearest)
+        self.assertEqual(seen, set(range(len(CHOSEN))), "every picture was shown")
+        print(f"{len(frames)} frames of the camera, all as replayed")
+
+
+if __name__ == "__main__":
+    if not (SOURCE / "build" / "sysroot-amd64" / "finsight-sysroot").exists():
+        print("skipped: the virtual camera needs scripts/setup --cross and scripts/sysroot amd64")
+        sys.exit(SKIPPED)
+    ENVIRONMENT = prepare()
+    unittest.main(verbosity=2)
