@@ -91,7 +91,9 @@ namespace {
 void take_over(toml::table& base, toml::table& changes) {
   for (auto&& [key, node] : changes) {
     toml::node* old = base.get(key.str());
-    if (old && old->is_table() && node.is_table()) {
+    const toml::table* change = node.as_table();
+    const bool another = change && change->contains("kind");  // of which only its own keys make sense
+    if (old && old->is_table() && change && !another) {
       take_over(*old->as_table(), *node.as_table());
     } else {
       base.insert_or_assign(key, std::move(node));  // moved, because a copy forgets where it stood

@@ -19,8 +19,8 @@ class TomlTable {
   /// `name` stands for the file in messages.
   static TomlTable parse_text(const std::string& text, const std::string& name);
 
-  /// For a table of a whole file: what `file` says takes the place of what stands here, key by key. Messages name the
-  /// file that a value came from.
+  /// For a table of a whole file: what `file` says takes the place of what stands here, key by key; a table that says
+  /// its kind as a whole. Messages name the file that a value came from.
   void override_with(const std::filesystem::path& file);
 
   bool has(const std::string& key) const;
