@@ -60,9 +60,11 @@ const PlatePoses& FrameLoop::hold_poses(const PlatePoses& measured, std::int64_t
   return held_;
 }
 
+// A counter that goes back is a camera that was started anew: how many frames that cost is not known.
 void FrameLoop::count_frame(const Frame& frame) {
   state_.camera_fault = false;
-  if (state_.frames > 0) state_.dropped_frames += frame.sequence - last_sequence_ - 1;
+  const auto advance = static_cast<std::int32_t>(frame.sequence - last_sequence_);
+  if (state_.frames > 0 && advance > 1) state_.dropped_frames += static_cast<std::uint32_t>(advance - 1);
   last_sequence_ = frame.sequence;
   ++state_.frames;
   state_.frame_counter = frame.sequence;

@@ -234,8 +234,9 @@ int start(const Arguments& arguments) {
   const CameraCounts counts = camera->counts();
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
-  if (camera->ended() && !camera->error().empty()) throw InputError(settings.replay.path.string(), camera->error());
-  return 0;
+  if (!camera->ended() || camera->error().empty()) return 0;
+  std::fprintf(stderr, "finsightd: %s\n", camera->error().c_str());
+  return 2;
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
 /// Largest differences that two correct builds may show: rounding of another processor.
 inline constexpr float kSelfTestShapeTolerance_mm = 1e-3F;
 inline constexpr float kSelfTestTouchTolerance = 1e-2F;  ///< mm and N
-inline constexpr int kSelfTestRegisterTolerance = 1;     ///< counts
+inline constexpr int kSelfTestRegisterTolerance = 1;     ///< counts; bits and codes must be equal
 
 /// Throws InputError naming the case, what was found and what was expected.
 void check_self_test(const Model& model);

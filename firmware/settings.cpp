@@ -1,5 +1,7 @@
 #include "firmware/settings.h"
 
+#include <arpa/inet.h>
+
 #include "firmware/input_error.h"
 #include "firmware/toml_table.h"
 
@@ -82,16 +84,21 @@ void read_shape(TomlTable table, ShapeSettings& shape) {
   using Tier = ShapeSettings::Tier;
   const std::string tier = table.choice("tier", {"map", "map+newton", "newton"}, "newton");
   shape.tier = tier == "map" ? Tier::kMap : tier == "newton" ? Tier::kNewton : Tier::kMapAndNewton;
-  shape.factorisations = static_cast<int>(table.integer("factorisations", 1, 10, 1));
-  shape.chord_steps = static_cast<int>(table.integer("chord_steps", 0, 5, 1));
+  shape.factorisations = static_cast<int>(table.integer("factorisations", 1, 10, shape.factorisations));
+  shape.chord_steps = static_cast<int>(table.integer("chord_steps", 0, 5, shape.chord_steps));
   table.finish();
 }
 
 void read_modbus(TomlTable table, Settings& settings) {
-  settings.modbus.address = table.text("address", "127.0.0.1");
-  settings.modbus.port = static_cast<int>(table.integer("port", 0, 65535, 502));
-  settings.modbus.max_clients = static_cast<int>(table.integer("max_clients", 1, 64, 32));
-  settings.modbus.idle_limit_s = static_cast<int>(table.integer("idle_limit_s", 1, 86400, 60));
+  ModbusSettings& modbus = settings.modbus;
+  modbus.address = table.text("address", modbus.address);
+  in_addr ignored;
+  if (inet_pton(AF_INET, modbus.address.c_str(), &ignored) != 1) {
+    throw InputError(table.where("address"), "modbus.address", "\"" + modbus.address + "\"", "an IPv4 address");
+  }
+  modbus.port = static_cast<int>(table.integer("port", 0, 65535, modbus.port));
+  modbus.max_clients = static_cast<int>(table.integer("max_clients", 1, 64, modbus.max_clients));
+  modbus.idle_limit_s = static_cast<int>(table.integer("idle_limit_s", 1, 86400, modbus.idle_limit_s));
   const std::string order = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD");
   settings.loop.word_order = order == "ABCD" ? WordOrder::kABCD : WordOrder::kCDAB;
   table.finish();
@@ -131,7 +138,8 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
   if (root.has("shape")) read_shape(root.table("shape"), settings.loop.shape);
   read_modbus(root.table("modbus"), settings);
   if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
-  settings.loop.hold_time_ns = root.integer("hold_time_ms", 0, 10000, 200) * 1'000'000;
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  settings.loop.hold_time_ns = kNsPerMs * root.integer("hold_time_ms", 0, 10000, settings.loop.hold_time_ns / kNsPerMs);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);
   root.finish();

@@ -34,7 +34,8 @@ struct PlateMotion {
 
 struct PlatePoses {
   std::array<PlateMotion, kPlates> plates;
-  std::array<bool, kPlates> seen{};  ///< false: that plate's motion is completed from the seen ones by the model's prior
+  std::array<bool, kPlates>
+      seen{};  ///< false: that plate's motion is completed from the seen ones by the model's prior
   std::array<float, kPlates> reprojection_px{};  ///< RMS distance of the corners from their reprojection
   Quality quality = Quality::kInvalid;
 
@@ -80,12 +81,14 @@ struct Touch {
   Vec3f contact_mm = Vec3f::Zero();  ///< where that point is now: point plus its displacement
   float radius_68_mm = 0;            ///< 68 % of the errors of point_mm are smaller
   float force_n = 0;
-  float force_sigma_n = 0;        ///< standard deviation of force_n
-  float plate_motion_mm = 0;      ///< largest displacement of a plate: what decides whether a touch can be located
-  Quality quality = Quality::kInvalid;  ///< invalid below the model's threshold of plate motion
+  float force_sigma_n = 0;    ///< standard deviation of force_n
+  float plate_motion_mm = 0;  ///< largest displacement of a plate: what decides whether a touch can be located
+  bool over_range = false;    ///< the plates moved further than any trained touch moves them
+  Quality quality = Quality::kInvalid;  ///< invalid below the model's threshold of plate motion and over range
 };
 
-/// What a Modbus client reads: 16-bit registers exactly as they go on the wire, and the time that their age counts from.
+/// What a Modbus client reads: 16-bit registers exactly as they go on the wire, and the time that their age counts
+/// from.
 inline constexpr int kMeasurementRegisters = 48;
 struct RegisterImage {
   std::array<std::uint16_t, kMeasurementRegisters> words{};

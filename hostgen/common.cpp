@@ -58,13 +58,13 @@ void Progress::advance(std::size_t done) {
   state_->done += done;
   const auto now = std::chrono::steady_clock::now();
   // A terminal is redrawn five times a second, a log gets a line every ten seconds.
-  const auto pause = state_->visible ? std::chrono::milliseconds(state_->terminal ? 200 : 10000)
-                                     : std::chrono::milliseconds(2000);
+  const auto pause =
+      state_->visible ? std::chrono::milliseconds(state_->terminal ? 200 : 10000) : std::chrono::milliseconds(2000);
   if (now - state_->shown < pause) return;
   state_->shown = now;
   state_->visible = true;
   const double elapsed_s = std::chrono::duration<double>(now - state_->start).count();
-  const double left_s = elapsed_s * static_cast<double>(state_->total - state_->done) /
+  const double left_s = elapsed_s * static_cast<double>(state_->total - std::min(state_->done, state_->total)) /
                         static_cast<double>(std::max<std::size_t>(state_->done, 1));
   std::fprintf(stderr, "%s%s: %zu of %zu, about %.0f s left%s", state_->terminal ? "\r\033[K" : "",
                state_->label.c_str(), state_->done, state_->total, left_s, state_->terminal ? "" : "\n");
@@ -125,6 +125,7 @@ void write_file_atomically(const std::filesystem::path& file, const std::string&
 std::string read_file(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in) throw InputError(file.string(), "cannot be opened");
+  if (std::filesystem::is_directory(file)) throw InputError(file.string(), "is a folder, expected a file");
   return {std::istreambuf_iterator<char>(in), {}};
 }
 

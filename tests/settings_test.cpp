@@ -1,154 +1,203 @@
-#include <doctest/doctest.h>
-#include <unistd.h>
-
-#include <filesystem>
-#include <fstream>
-#include <set>
-
-#include "firmware/input_error.h"
 #include "firmware/settings.h"
 
+#include <doctest/doctest.h>
+
+#include <algorithm>
+
+#include "firmware/input_error.h"
+#include "tests/model/scratch_folder.h"
+
 using namespace finsight;
-namespace fs = std::filesystem;
 
 namespace {
 
-const std::string kCamera = R"(pack = "p"
+/// Every key, and none at its default.
+const std::string kFull = R"(pack = "finger.safetensors"
+hold_time_ms = 150
 [source]
-kind = "camera"
-camera = "Finger"
-width_px = 640
-height_px = 480
-frames_per_second = 60
-[source.lens]
-fx_fy_cx_cy = [400, 401, 320, 240]
-k1_k2_p1_p2_k3 = [0.1, 0, 0, 0, 0]
+kind = "poses"
+path = "/data/touches.csv"
+recording = "161922"
+speed = "full"
+repeat = true
+[shape]
+tier = "map+newton"
+factorisations = 2
+chord_steps = 3
 [modbus]
+address = "0.0.0.0"
+port = 15020
+max_clients = 7
+idle_limit_s = 5
+word_order = "CDAB"
 )";
-const std::string kGpio = R"(pack = "p"
+
+const std::string kLeast = R"(pack = "p"
 [source]
 kind = "session"
 path = "s"
 [modbus]
-[gpio]
-chip = "/dev/gpiochip0"
-contact = { name = "GPIO17", safe = "active" }
-healthy = { number = 3, active_low = true }
 )";
 
 Settings read(const std::string& text) {
-  const fs::path file = fs::temp_directory_path() / ("finsight_settings_" + std::to_string(getpid()) + ".toml");
-  std::ofstream(file) << text;
-  struct Removed {
-    fs::path file;
-    ~Removed() { fs::remove(file); }
-  } removed{file};
-  return read_settings(file);
+  const test::ScratchFolder folder;
+  return read_settings(folder.write("board.toml", text));
 }
 
-/// `text` with the first `from` replaced.
-std::string with(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
+std::string replaced(std::string text, const std::string& line, const std::string& by) {
+  const std::size_t at = text.find(line + "\n");
   REQUIRE(at != std::string::npos);
-  return text.replace(at, from.size(), to);
+  return text.replace(at, line.size(), by);
 }
 
-std::string refusal(const std::string& text) {
-  try {
-    read(text);
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "accepted";
+/// Checks that the full settings with one line changed are refused with the file, that line's number and `reason`.
+void check_refused(const std::string& line, const std::string& by, const std::string& reason) {
+  CAPTURE(by);
+  const auto end = kFull.begin() + static_cast<std::ptrdiff_t>(kFull.find(line + "\n"));
+  const std::string place = "board.toml:" + std::to_string(std::count(kFull.begin(), end, '\n') + 1) + ": ";
+  CHECK_THROWS_WITH_AS(read(replaced(kFull, line, by)), doctest::Contains((place + reason).c_str()), InputError);
 }
-
-bool says(const std::string& text, const char* part) { return text.find(part) != std::string::npos; }
 
 }  // namespace
 
-TEST_CASE("settings: every board file can be read, and so can the alternatives that the replay board explains") {
-  std::set<std::string> boards;
-  for (const auto& entry : fs::directory_iterator(fs::path(FINSIGHT_SOURCE_DIR) / "boards")) {
-    const fs::path file = entry.path() / "board.toml";
-    if (!fs::exists(file)) continue;
-    CAPTURE(file.string());
-    CHECK_NOTHROW(read_settings(file));
-    boards.insert(entry.path().filename());
+TEST_CASE("settings: every key arrives") {
+  const test::ScratchFolder folder;
+  const Settings settings = read_settings(folder.write("board.toml", kFull));
+  CHECK(settings.pack == folder / "finger.safetensors");  // relative to the file
+  CHECK(settings.loop.hold_time_ns == 150'000'000);
+  CHECK(settings.source == Settings::Source::kPoses);
+  CHECK(settings.replay.path == "/data/touches.csv");
+  CHECK(settings.replay.recording == "161922");
+  CHECK_FALSE(settings.replay.recorded_speed);
+  CHECK(settings.replay.repeat);
+  CHECK(settings.loop.shape.tier == ShapeSettings::Tier::kMapAndNewton);
+  CHECK(settings.loop.shape.factorisations == 2);
+  CHECK(settings.loop.shape.chord_steps == 3);
+  CHECK(settings.modbus.address == "0.0.0.0");
+  CHECK(settings.modbus.port == 15020);
+  CHECK(settings.modbus.max_clients == 7);
+  CHECK(settings.modbus.idle_limit_s == 5);
+  CHECK(settings.loop.word_order == WordOrder::kCDAB);
+}
+
+TEST_CASE("settings: every choice is known") {
+  using Tier = ShapeSettings::Tier;
+  for (const auto& [name, tier] : {std::pair{"map", Tier::kMap}, {"newton", Tier::kNewton}}) {
+    const Settings settings = read(replaced(kFull, "tier = \"map+newton\"", std::string("tier = \"") + name + "\""));
+    CHECK(settings.loop.shape.tier == tier);
   }
-  for (const char* board : {"replay", "qemu-virt", "rpi4", "generic-uefi-arm64"}) CHECK(boards.contains(board));
+  CHECK(read(replaced(kFull, "speed = \"full\"", "speed = \"recorded\"")).replay.recorded_speed);
+  CHECK(read(replaced(kFull, "word_order = \"CDAB\"", "word_order = \"ABCD\"")).loop.word_order == WordOrder::kABCD);
+  CHECK(read(kLeast).source == Settings::Source::kSession);
 }
 
-TEST_CASE("settings: the comments of the replay board are a board file of their own") {
-  std::ifstream in(fs::path(FINSIGHT_SOURCE_DIR) / "boards/replay/board.toml");
-  std::string text = "pack = \"p\"\n";
-  bool alternatives = false;
-  for (std::string line; std::getline(in, line);) {
-    alternatives = alternatives || line == "# [source]";
-    // What is no TOML among the comments is prose.
-    if (alternatives && (line.starts_with("# [") || line.find(" = ") != std::string::npos))
-      text += line.substr(2) + "\n";
+TEST_CASE("settings: what is left out has the default of the part that uses it") {
+  const Settings settings = read(kLeast), parts;
+  CHECK(settings.loop.hold_time_ns == parts.loop.hold_time_ns);
+  CHECK(settings.loop.word_order == parts.loop.word_order);
+  CHECK(settings.loop.shape.tier == parts.loop.shape.tier);
+  CHECK(settings.loop.shape.factorisations == parts.loop.shape.factorisations);
+  CHECK(settings.loop.shape.chord_steps == parts.loop.shape.chord_steps);
+  CHECK(settings.replay.recorded_speed == parts.replay.recorded_speed);
+  CHECK(settings.replay.repeat == parts.replay.repeat);
+  CHECK(settings.replay.recording == "");
+  CHECK(settings.modbus.address == parts.modbus.address);
+  CHECK(settings.modbus.port == parts.modbus.port);
+  CHECK(settings.modbus.max_clients == parts.modbus.max_clients);
+  CHECK(settings.modbus.idle_limit_s == parts.modbus.idle_limit_s);
+}
+
+TEST_CASE("settings: a wrong type is refused with file, line, key, what was found and what is expected") {
+  check_refused("pack = \"finger.safetensors\"", "pack = 3", "pack: found 3, expected a text");
+  check_refused("hold_time_ms = 150", "hold_time_ms = 0.5",
+                "hold_time_ms: found 0.5, expected a whole number from 0 to 10000");
+  check_refused("kind = \"poses\"", "kind = true", "source.kind: found true, expected a text");
+  check_refused("path = \"/data/touches.csv\"", "path = []", "source.path: found []");
+  check_refused("recording = \"161922\"", "recording = 161922", "source.recording: found 161922, expected a text");
+  check_refused("speed = \"full\"", "speed = 1", "source.speed: found 1, expected a text");
+  check_refused("repeat = true", "repeat = 1", "source.repeat: found 1, expected true or false");
+  check_refused("tier = \"map+newton\"", "tier = {}", "shape.tier: found a table, expected a text");
+  check_refused("factorisations = 2", "factorisations = \"2\"", "shape.factorisations: found '2'");
+  check_refused("chord_steps = 3", "chord_steps = 3.0", "shape.chord_steps: found 3.0, expected a whole number");
+  check_refused("address = \"0.0.0.0\"", "address = 0.0", "modbus.address: found 0.0, expected a text");
+  check_refused("port = 15020", "port = \"any\"", "modbus.port: found 'any', expected a whole number");
+  check_refused("max_clients = 7", "max_clients = nan", "modbus.max_clients: found nan");
+  check_refused("idle_limit_s = 5", "idle_limit_s = 1979-05-27", "modbus.idle_limit_s: found 1979-05-27");
+  check_refused("word_order = \"CDAB\"", "word_order = false", "modbus.word_order: found false, expected a text");
+}
+
+TEST_CASE("settings: a value out of its range is refused in the same way") {
+  check_refused("pack = \"finger.safetensors\"", "pack = \"\"", "pack: found \"\", expected a path");
+  check_refused("kind = \"poses\"", "kind = \"pose\"",
+                "source.kind: found \"pose\", expected one of \"session\" \"poses\"");
+  check_refused("path = \"/data/touches.csv\"", "path = \"\"", "source.path: found \"\", expected a path");
+  check_refused("speed = \"full\"", "speed = \"fast\"", "source.speed: found \"fast\"");
+  check_refused("tier = \"map+newton\"", "tier = \"Newton\"", "shape.tier: found \"Newton\"");
+  check_refused("address = \"0.0.0.0\"", "address = \"localhost\"",
+                "modbus.address: found \"localhost\", expected an IPv4 address");
+  check_refused("word_order = \"CDAB\"", "word_order = \"BADC\"", "modbus.word_order: found \"BADC\"");
+
+  struct Range {
+    const char *line, *key;
+    std::int64_t lowest, highest;
+  };
+  for (const Range& range :
+       {Range{"hold_time_ms = 150", "hold_time_ms", 0, 10000},
+        Range{"factorisations = 2", "shape.factorisations", 1, 10}, Range{"chord_steps = 3", "shape.chord_steps", 0, 5},
+        Range{"port = 15020", "modbus.port", 0, 65535}, Range{"max_clients = 7", "modbus.max_clients", 1, 64},
+        Range{"idle_limit_s = 5", "modbus.idle_limit_s", 1, 86400}}) {
+    const std::string line = range.line, name = line.substr(0, line.find('=')) + "= ";
+    const std::string expected =
+        ", expected a whole number from " + std::to_string(range.lowest) + " to " + std::to_string(range.highest);
+    for (const std::int64_t value : {range.lowest, range.highest})
+      read(replaced(kFull, line, name + std::to_string(value)));
+    for (const std::int64_t value : {range.lowest - 1, range.highest + 1}) {
+      check_refused(line, name + std::to_string(value),
+                    std::string(range.key) + ": found " + std::to_string(value) + expected);
+    }
   }
-  const Settings settings = read(text + "[modbus]\n");
-  CHECK(settings.source == Settings::Source::kCamera);
-  CHECK(settings.live.exposure_us == 2000);
-  CHECK(settings.live.gain == 1.0);
-  REQUIRE(settings.gpio);
-  for (const auto& line : settings.gpio->lines) CHECK(line);
 }
 
-TEST_CASE("settings: a camera's keys are read, and what is left out is automatic") {
-  const Settings settings = read(kCamera);
-  CHECK(settings.source == Settings::Source::kCamera);
-  CHECK(settings.live.name == "Finger");
-  CHECK(settings.live.width_px == 640);
-  CHECK(settings.live.height_px == 480);
-  CHECK(settings.live.frames_per_second == 60);
-  CHECK(!settings.live.exposure_us);
-  CHECK(!settings.live.gain);
-  CHECK(settings.lens.width_px == 640);
-  CHECK(settings.lens.fy == 401);
-  CHECK(settings.lens.k1 == 0.1F);
+TEST_CASE("settings: unknown keys and tables are refused by name") {
+  check_refused("hold_time_ms = 150", "hold_time = 150", "hold_time: found an unknown key");
+  check_refused("repeat = true", "repeats = true", "source.repeats: found an unknown key");
+  check_refused("tier = \"map+newton\"", "tire = \"map\"", "shape.tire: found an unknown key");
+  check_refused("port = 15020", "ports = 15020", "modbus.ports: found an unknown key");
+  check_refused("[shape]", "[shapes]", "shapes: found an unknown key");
 }
 
-TEST_CASE("settings: a camera that cannot be is refused with line and key") {
-  CHECK(says(refusal(with(kCamera, "width_px = 640", "width_px = 4")), "width_px"));
-  CHECK(says(refusal(with(kCamera, "width_px = 640", "width_px = 4")), ".toml:5"));
-  CHECK(says(refusal(with(kCamera, "frames_per_second = 60", "")), "frames_per_second"));
-  CHECK(says(refusal(with(kCamera, "frames_per_second = 60", "frames_per_second = 60\ngain = -1")), "gain"));
-  CHECK(says(refusal(with(kCamera, "frames_per_second = 60", "frames_per_second = 60\nexposure_us = 0.5")),
-             "exposure_us"));
-  CHECK(says(refusal(with(kCamera, "camera = \"Finger\"", "path = \"x\"")), "path"));
-  CHECK(says(refusal(with(kCamera, "[400, 401", "[0, 401")), "fx_fy_cx_cy"));
-  CHECK(says(refusal(with(kCamera, "320, 240]", "3200, 240]")), ".toml:8"));
-  CHECK(says(refusal(with(kCamera, "[source.lens]", "[source.lense]")), "lens"));
+TEST_CASE("settings: a recording can only be chosen from poses") {
+  CHECK_THROWS_WITH_AS(read(replaced(kFull, "kind = \"poses\"", "kind = \"session\"")),
+                       doctest::Contains("board.toml:6: source.recording: found an unknown key"), InputError);
 }
 
-TEST_CASE("settings: lines are read by name or number, with their polarity and safe level") {
-  const Settings settings = read(kGpio);
-  REQUIRE(settings.gpio);
-  CHECK(settings.gpio->chip == "/dev/gpiochip0");
-  CHECK(settings.gpio->consumer == "finsight");
-  const auto& lines = settings.gpio->lines;
-  REQUIRE(lines[kContactOutput]);
-  CHECK(lines[kContactOutput]->name == "GPIO17");
-  CHECK(lines[kContactOutput]->safe_active);
-  CHECK(!lines[kOverloadOutput]);
-  REQUIRE(lines[kHealthyOutput]);
-  CHECK(lines[kHealthyOutput]->number == 3);
-  CHECK(lines[kHealthyOutput]->active_low);
-  CHECK(!lines[kHealthyOutput]->safe_active);
-  CHECK(!read(kCamera).gpio);
+TEST_CASE("settings: what must be there and is not is named") {
+  const auto check_missing = [](const std::string& line, const std::string& reason) {
+    CHECK_THROWS_WITH_AS(read(replaced(kLeast, line, "")), doctest::Contains(reason.c_str()), InputError);
+  };
+  check_missing("pack = \"p\"", "pack: found nothing, expected a text");
+  check_missing("kind = \"session\"", "board.toml:2: source.kind: found nothing, expected a text");
+  check_missing("path = \"s\"", "board.toml:2: source.path: found nothing, expected a text");
+  check_missing("[modbus]", "modbus: found nothing, expected a table");
+  CHECK_THROWS_WITH_AS(read(""), doctest::Contains("board.toml"), InputError);
 }
 
-TEST_CASE("settings: outputs that are not clear are refused") {
-  CHECK(says(refusal(with(kGpio, ", safe = \"active\"", "")), "safe"));
-  CHECK(says(refusal(with(kGpio, "safe = \"active\"", "safe = \"high\"")), "\"active\" \"inactive\""));
-  CHECK(says(refusal(with(kGpio, "number = 3", "name = \"x\", number = 3")), "either a name or a number"));
-  CHECK(says(refusal(with(kGpio, "number = 3, ", "")), "either a name or a number"));
-  CHECK(says(refusal(with(kGpio, "GPIO17", "")), "name"));
-  CHECK(says(refusal(with(kGpio, "active_low = true", "safe = \"active\"")), "safe"));
-  CHECK(says(refusal(with(kGpio, "number = 3", "number = -1")), "number"));
-  CHECK(says(refusal(with(kGpio, "healthy =", "helthy =")), "helthy"));
-  CHECK(says(refusal(kGpio.substr(0, kGpio.find("contact ="))), "contact, overload or healthy"));
-  CHECK(says(refusal(with(kGpio, "chip = \"/dev/gpiochip0\"\n", "")), "chip"));
+TEST_CASE("settings: a file that is no TOML is refused with the line, one that is not there with its name") {
+  check_refused("repeat = true", "repeat = ", "");
+  const test::ScratchFolder folder;
+  CHECK_THROWS_WITH_AS(read_settings(folder / "none.toml"), doctest::Contains("none.toml: no such file"), InputError);
+  CHECK_THROWS_WITH_AS(read_settings(folder.path()), doctest::Contains("no such file"), InputError);
+}
+
+TEST_CASE("settings: the workstation's board file is good and finds what the demo makes") {
+  const std::filesystem::path boards = FINSIGHT_SOURCE_DIR "/boards/replay";
+  const Settings settings = read_settings(boards / "board.toml"), parts;
+  const std::filesystem::path demo = FINSIGHT_SOURCE_DIR "/build/demo";
+  CHECK(settings.pack.lexically_normal() == demo / "srm.safetensors");
+  CHECK(settings.source == Settings::Source::kSession);
+  CHECK(settings.replay.path.lexically_normal() == demo / "session-640x480");
+  CHECK(settings.replay.recorded_speed);
+  CHECK(settings.replay.repeat);
+  CHECK(settings.modbus.port == parts.modbus.port);
+  CHECK(settings.loop.hold_time_ns == parts.loop.hold_time_ns);
 }

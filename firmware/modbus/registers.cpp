@@ -35,7 +35,8 @@ struct Row {
 constexpr Row kTable[] = {
     {0, "status", Type::kUint16, 1, "bits",
      "0 ready, 1 touch valid, 2 contact, 3 shape valid (all plates seen), 4 held (not fresh), 5 top plate seen, "
-     "6 middle plate seen, 7 low plate seen, 10 camera fault, 11 solver fallback, 15 any fault; others reserved, 0"},
+     "6 middle plate seen, 7 low plate seen, 9 over-range (moved further than any trained touch), 10 camera fault, 11 "
+     "solver fallback, 15 any fault; others reserved, 0"},
     {1, "fault", Type::kUint16, 1, "code",
      "0 none, 1 camera lost, 2 markers lost, 3 solver failed, 4 self-test failed, 5 settings or model refused (safe "
      "mode), 6 failed repeatedly (safe mode)"},
@@ -176,6 +177,7 @@ std::uint16_t status_word(const PlatePoses& poses, const FingerShape& shape, con
   set(kTopSeen, poses.seen[kTopPlate]);
   set(kMiddleSeen, poses.seen[kMiddlePlate]);
   set(kLowSeen, poses.seen[kLowPlate]);
+  set(kOverRange, touch.over_range);
   set(kCameraFault, state.camera_fault);
   set(kSolverFallback, shape.fallback);
   set(kAnyFault, state.camera_fault || state.fault != FaultCode::kNone);

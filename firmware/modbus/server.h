@@ -11,7 +11,7 @@ namespace finsight {
 
 struct ModbusSettings {
   std::string address = "127.0.0.1";  ///< IPv4 address to listen on; "0.0.0.0" for all
-  int port = 1502;                    ///< 0: any free port
+  int port = 502;                     ///< 0: any free port
   int max_clients = 32;
   int idle_limit_s = 60;  ///< a silent client is closed after this
 };

@@ -148,6 +148,7 @@ TouchModel read_touch(PackReader& pack) {
     inputs = outputs;
   }
   touch.threshold_mm = pack.number<float>(meta::kThreshold, 0.01f, 50);
+  touch.range_mm = pack.number<float>(meta::kRange, touch.threshold_mm, 1000);
   return touch;
 }
 

@@ -1,5 +1,5 @@
-// The model pack, opened and checked: constant, typed, read-only views. Everything about one finger that does not depend
-// on the frame. hostgen writes it; FrameLoop reads it.
+// The model pack, opened and checked: constant, typed, read-only views. Everything about one finger that does not
+// depend on the frame. hostgen writes it; FrameLoop reads it.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -15,26 +15,26 @@
 
 namespace finsight {
 
-/// Order and layout of the factorisation of the shape solver's Hessian, in 3x3 blocks (one per free node), computed once
-/// by hostgen from the mesh alone. Column j of the pattern and of L means elimination position j.
+/// Order and layout of the factorisation of the shape solver's Hessian, in 3x3 blocks (one per free node), computed
+/// once by hostgen from the mesh alone. Column j of the pattern and of L means elimination position j.
 struct CholeskyPlan {
-  int blocks = 0;                                ///< free nodes
-  std::span<const std::int32_t> order;           ///< [blocks] free node eliminated at each position
-  std::span<const std::int32_t> pattern_start;   ///< [blocks + 1] lower pattern of the Hessian by block column ...
-  std::span<const std::int32_t> pattern_row;     ///< ... rows ascending, the diagonal first
-  std::span<const std::int32_t> supernode_start; ///< [supernodes + 1] first column of each supernode
-  std::span<const std::int32_t> rows_start;      ///< [supernodes + 1] rows below each supernode's diagonal block ...
-  std::span<const std::int32_t> rows;            ///< ... as elimination positions, ascending
+  int blocks = 0;                                 ///< free nodes
+  std::span<const std::int32_t> order;            ///< [blocks] free node eliminated at each position
+  std::span<const std::int32_t> pattern_start;    ///< [blocks + 1] lower pattern of the Hessian by block column ...
+  std::span<const std::int32_t> pattern_row;      ///< ... rows ascending, the diagonal first
+  std::span<const std::int32_t> supernode_start;  ///< [supernodes + 1] first column of each supernode
+  std::span<const std::int32_t> rows_start;       ///< [supernodes + 1] rows below each supernode's diagonal block ...
+  std::span<const std::int32_t> rows;             ///< ... as elimination positions, ascending
 };
 
 /// The mesh and energy of the shape solver (symmetric Dirichlet, uniform sum over tets; paper, section 2.2).
 struct ShapeModel {
   int nodes = 0, tets = 0;
-  std::span<const float> rest_mm;            ///< [nodes, 3]
-  std::span<const std::int32_t> tet_nodes;   ///< [tets, 4] positively oriented
-  std::span<const std::uint8_t> node_kind;   ///< [nodes] 0 free, 1 base (fixed), 2 + p: rigid part of plate p
-  std::span<const std::int32_t> free_index;  ///< [nodes] index among free nodes, -1 for the others
-  std::span<const std::int32_t> front_nodes; ///< [front]
+  std::span<const float> rest_mm;             ///< [nodes, 3]
+  std::span<const std::int32_t> tet_nodes;    ///< [tets, 4] positively oriented
+  std::span<const std::uint8_t> node_kind;    ///< [nodes] 0 free, 1 base (fixed), 2 + p: rigid part of plate p
+  std::span<const std::int32_t> free_index;   ///< [nodes] index among free nodes, -1 for the others
+  std::span<const std::int32_t> front_nodes;  ///< [front]
   CholeskyPlan cholesky;
 };
 
@@ -43,7 +43,8 @@ struct ShapeModel {
 struct ShapeMapModel {
   static constexpr int kFeatures = 1 + 18 + 171;
   int rank = 0;
-  std::span<const float> scale;    ///< [18] multiplies the plate numbers (displacement xyz, rotation xyz; top, middle, low)
+  std::span<const float>
+      scale;  ///< [18] multiplies the plate numbers (displacement xyz, rotation xyz; top, middle, low)
   std::span<const float> weights;  ///< [rank, kFeatures]
   std::span<const float> basis;    ///< [rank, 3 * nodes]
 };
@@ -68,6 +69,7 @@ struct TouchModel {
   std::span<const float> output_scale;  ///< [kOutputs] multiplies the network's output
   std::array<DenseInt8, 3> layers;      ///< 22 -> 512 -> 256 -> 11, ReLU between
   float threshold_mm = 0;               ///< plate motion below which a touch is invalid
+  float range_mm = 0;                   ///< plate motion beyond which nothing was trained: over-range, no touch
 };
 
 /// Gaussian over the 18 plate numbers of touched fingers: picks between two poses of a marker and completes plates that
@@ -88,10 +90,10 @@ struct MountModel {
 /// What the pack's author expects every build of the firmware to answer.
 struct SelfTestModel {
   int cases = 0;
-  std::span<const float> poses;               ///< [cases, 18]
-  std::span<const float> shape_mm;            ///< [cases, 3 * nodes] positions after the fixed schedule, from rest
-  std::span<const float> touch;               ///< [cases, 7] point, contact, force
-  std::span<const std::uint16_t> registers;   ///< [cases, kMeasurementRegisters]
+  std::span<const float> poses;              ///< [cases, 18]
+  std::span<const float> shape_mm;           ///< [cases, 3 * nodes] positions after the fixed schedule, from rest
+  std::span<const float> touch;              ///< [cases, 7] point, contact, force
+  std::span<const std::uint16_t> registers;  ///< [cases, kMeasurementRegisters]
 };
 
 class Model {
@@ -138,7 +140,8 @@ inline constexpr const char* kTouchInputScale = "touch.input_scale";
 inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
 inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
-inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1", "touch.weight_scale2"};
+inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1",
+                                                     "touch.weight_scale2"};
 inline constexpr const char* kTouchBias[3] = {"touch.bias0", "touch.bias1", "touch.bias2"};
 inline constexpr const char* kPriorMean = "prior.mean";
 inline constexpr const char* kPriorCovariance = "prior.covariance";
@@ -162,8 +165,9 @@ inline constexpr const char* kNodes = "nodes";
 inline constexpr const char* kTetCount = "tets";
 inline constexpr const char* kMarkerSize = "marker_size_mm";
 inline constexpr const char* kThreshold = "touch_threshold_mm";
+inline constexpr const char* kRange = "touch_range_mm";
 inline constexpr const char* kRatedDeformation = "rated_deformation_mm";
-inline constexpr const char* kTensorCrc = "crc32.";  // + tensor name: CRC-32 of its bytes, 8 hexadecimal digits
+inline constexpr const char* kTensorCrc = "crc32.";   // + tensor name: CRC-32 of its bytes, 8 hexadecimal digits
 inline constexpr const char* kChecksum = "checksum";  // header_checksum(), 8 hexadecimal digits
 }  // namespace meta
 
@@ -171,9 +175,9 @@ inline constexpr const char* kChecksum = "checksum";  // header_checksum(), 8 he
 std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t seed = 0);
 /// 8 lower-case hexadecimal digits, as checksums stand in the metadata.
 std::string checksum_text(std::uint32_t checksum);
-/// CRC-32 of a pack's JSON header (a multiple of 8 bytes, padding included) with the eight digits of "checksum":"........"
-/// taken as zeros. The header holds the CRC-32 of every tensor, so that this number stands for the whole pack.
-/// 0 if the header has no such text.
+/// CRC-32 of a pack's JSON header (a multiple of 8 bytes, padding included) with the eight digits of
+/// "checksum":"........" taken as zeros. The header holds the CRC-32 of every tensor, so that this number stands for
+/// the whole pack. 0 if the header has no such text.
 std::uint32_t header_checksum(std::string_view header);
 
 /// The 18 numbers of a PlatePoses in the order of every tensor: per plate displacement x y z, rotation x y z.

@@ -64,9 +64,8 @@ EnergyDerivatives<T> symmetric_dirichlet(const T s[3]) {
     e.first[i] = two * (s[i] - inverse3[i]);
   }
   e.second[0] = two + six * inverse2[0] * inverse2[0];
-  e.second[3] = two + six * inverse2[1] * inverse2[1];
-  e.second[5] = two + six * inverse2[2] * inverse2[2];
-  e.second[1] = e.second[2] = e.second[4] = zero;
+  e.second[1] = two + six * inverse2[1] * inverse2[1];
+  e.second[2] = two + six * inverse2[2] * inverse2[2];
   constexpr int kPair[3][2] = {{0, 1}, {0, 2}, {1, 2}};
   for (int k = 0; k < 3; ++k) {  // (s_i^3 +- s_j^3) / (s_i +- s_j) = s_i^2 -+ s_i s_j + s_j^2
     const int i = kPair[k][0], j = kPair[k][1];
@@ -85,7 +84,7 @@ void element_hessian(const T F[9], const T B[9], const T& weight, T g[12], T H[9
   const SingularFrame<T> frame = singular_frame(F);
   EnergyDerivatives<T> e = symmetric_dirichlet(frame.s);
   for (T& twist : e.twist) twist = simd::larger(twist, simd::splat<T>(0));
-  const FrameTerms<T, true> terms(frame, e, weight);
+  const FrameTerms<T> terms(frame, e, weight);
   T h[4][3];
   for (int a = 1; a < 4; ++a) {
     terms.to_frame(B + 3 * (a - 1), h[a]);

@@ -11,14 +11,15 @@
 namespace finsight {
 
 struct ShapeStage::Workspace {
-  Workspace(const Model& model, const ShapeSettings& stage_settings)
+  Workspace(const ShapeModel& model, const ShapeMapModel& map_model, const MountModel& mount,
+            const ShapeSettings& stage_settings)
       : settings(stage_settings),
-        rest_mm(model.shape.rest_mm),
-        front_nodes(model.shape.front_nodes),
-        map(model.shape_map, model.shape),
-        plates(model.shape, model.mount),
+        rest_mm(model.rest_mm),
+        front_nodes(model.front_nodes),
+        map(map_model, model),
+        plates(model, mount),
         map_mm(rest_mm.begin(), rest_mm.end()) {
-    if (settings.tier != ShapeSettings::Tier::kMap) newton.emplace(model.shape, model.mount);
+    if (settings.tier != ShapeSettings::Tier::kMap) newton.emplace(model, mount);
     shape.node_mm = map_mm;
   }
 
@@ -41,8 +42,9 @@ struct ShapeStage::Workspace {
   FingerShape shape;
 };
 
-ShapeStage::ShapeStage(const Model& model, const ShapeSettings& settings)
-    : work_(std::make_unique<Workspace>(model, settings)) {}
+ShapeStage::ShapeStage(const ShapeModel& shape, const ShapeMapModel& map, const MountModel& mount,
+                       const ShapeSettings& settings)
+    : work_(std::make_unique<Workspace>(shape, map, mount, settings)) {}
 
 ShapeStage::~ShapeStage() = default;
 

@@ -19,13 +19,16 @@ struct ShapeSettings {
 
 class ShapeStage {
  public:
-  /// Throws InputError if the model's parts do not fit each other.
-  ShapeStage(const Model& model, const ShapeSettings& settings);
+  ShapeStage(const Model& model, const ShapeSettings& settings)
+      : ShapeStage(model.shape, model.shape_map, model.mount, settings) {}
+  /// The arrays that the parts view must live as long as the stage. Throws InputError if they do not fit each other.
+  ShapeStage(const ShapeModel& shape, const ShapeMapModel& map, const MountModel& mount, const ShapeSettings& settings);
   ~ShapeStage();
   /// The shape for these plates, warm-started from the last one. Never throws, never allocates. A failed solve answers
-  /// with the shape map's shape and `fallback`; if that one is no possible shape either, with the last shape. The
-  /// result stays valid until the next call. Quality: fresh if all plates were seen in this frame and the solve worked;
-  /// invalid if the poses are, or before the first shape; else held.
+  /// with the shape map's shape and `fallback`; if that one is no possible shape either, with as much of the way from
+  /// the last shape as inverts no element; poses that no finger can have keep the last shape. The result stays valid
+  /// until the next call. Quality: fresh if all plates were seen in this frame and the solve worked; invalid if the
+  /// poses are, or before the first shape; else held.
   const FingerShape& solve(const PlatePoses& poses);
   /// Forgets the last shape (start, or after a gap): the next solve starts from the shape map.
   void reset();

@@ -1,6 +1,6 @@
-// Isotropic energies of a deformation gradient, by its singular values: F = U diag(s) V^T, Psi(F) = psi(s0, s1, s2).
-// What an energy must deliver is EnergyDerivatives; this header turns them into forces and Hessian blocks of nodes
-// (Smith, De Goes, Kim, "Analytic eigensystems for isotropic distortion energies", 2019). T is float, double or a
+// Isotropic energies of a deformation gradient, by its singular values: F = U diag(s) V^T, Psi(F) = psi(s0) + psi(s1) +
+// psi(s2). What an energy must deliver is EnergyDerivatives; this header turns them into forces and Hessian blocks of
+// nodes (Smith, De Goes, Kim, "Analytic eigensystems for isotropic distortion energies", 2019). T is float, double or a
 // vector of them (simd.h). Matrices are row-major 3x3 arrays of 9; symmetric ones are arrays of 6: 00 01 02 11 12 22.
 #pragma once
 
@@ -15,14 +15,14 @@ struct SingularFrame {
   T U[9], V[9], s[3];
 };
 
-/// psi and its derivatives at s. The eigenvalues of the Hessian d2Psi/dF2 are those of `second` and, for each pair of
-/// singular values (0,1), (0,2), (1,2): twist = (psi_i + psi_j) / (s_i + s_j), flip = (psi_i - psi_j) / (s_i - s_j),
-/// which an energy gives in a form that does not divide by s_i - s_j.
+/// The energy and its derivatives at s. The eigenvalues of the Hessian d2Psi/dF2 are `second` (psi'') and, for each
+/// pair of singular values (0,1), (0,2), (1,2): twist = (psi_i + psi_j) / (s_i + s_j), flip = (psi_i - psi_j) / (s_i -
+/// s_j), which an energy gives in a form that does not divide by s_i - s_j.
 template <class T>
 struct EnergyDerivatives {
   T psi;
   T first[3];
-  T second[6];
+  T second[3];
   T twist[3];
   T flip[3];
 };
@@ -81,30 +81,9 @@ inline SingularFrame<T> singular_frame(const T F[9]) {
   return frame;
 }
 
-/// Makes the Hessian positive semidefinite: negative eigenvalues become 0. (An energy whose `second` and `flip` cannot
-/// be negative clamps `twist` alone.)
-template <class T>
-inline void clamp_eigenvalues(EnergyDerivatives<T>& e) {
-  const T zero = simd::splat<T>(0);
-  for (int k = 0; k < 3; ++k) {
-    e.twist[k] = simd::larger(e.twist[k], zero);
-    e.flip[k] = simd::larger(e.flip[k], zero);
-  }
-  T Q[9];
-  symmetric_eigen(e.second, Q);
-  const T lambda[3] = {simd::larger(e.second[0], zero), simd::larger(e.second[3], zero),
-                       simd::larger(e.second[5], zero)};
-  for (int i = 0, k = 0; i < 3; ++i)
-    for (int j = i; j < 3; ++j, ++k) {
-      e.second[k] = simd::splat<T>(0);
-      for (int m = 0; m < 3; ++m) e.second[k] += Q[3 * i + m] * Q[3 * j + m] * lambda[m];
-    }
-}
-
 /// Forces and Hessian blocks of the nodes of one element or quadrature point. For every node a, let g_a be the gradient
-/// of its shape function in the undeformed body (F = sum x_a g_a^T) and h_a = V^T g_a (to_frame). kSeparable: the
-/// energy is a sum over singular values, so that `second` is diagonal and its other entries are not read.
-template <class T, bool kSeparable = false>
+/// of its shape function in the undeformed body (F = sum x_a g_a^T) and h_a = V^T g_a (to_frame).
+template <class T>
 class FrameTerms {
  public:
   /// All results are multiplied by `weight` (the volume that this point stands for).
@@ -112,10 +91,10 @@ class FrameTerms {
     const T half = simd::splat<T>(0.5) * weight;
     for (int k = 0; k < 3; ++k) {
       first_[k] = weight * e.first[k];
+      second_[k] = weight * e.second[k];
       same_[k] = half * (e.flip[k] + e.twist[k]);
       cross_[k] = half * (e.flip[k] - e.twist[k]);
     }
-    for (int k = 0; k < 6; ++k) second_[k] = weight * e.second[k];
   }
 
   /// h = V^T g.
@@ -136,19 +115,14 @@ class FrameTerms {
     T K[9];  // the block in the frame's coordinates: U^T H U
     const T q0 = hb[0] * ha[0], q1 = hb[1] * ha[1], q2 = hb[2] * ha[2];
     K[0] = second_[0] * q0 + same_[0] * q1 + same_[1] * q2;
-    K[4] = second_[3] * q1 + same_[0] * q0 + same_[2] * q2;
-    K[8] = second_[5] * q2 + same_[1] * q0 + same_[2] * q1;
+    K[4] = second_[1] * q1 + same_[0] * q0 + same_[2] * q2;
+    K[8] = second_[2] * q2 + same_[1] * q0 + same_[2] * q1;
     constexpr int kPair[3][2] = {{0, 1}, {0, 2}, {1, 2}};
-    constexpr int kSecond[3] = {1, 2, 4};
     for (int k = 0; k < 3; ++k) {
       const int i = kPair[k][0], j = kPair[k][1];
       const T ij = hb[i] * ha[j], ji = hb[j] * ha[i];
       K[3 * i + j] = cross_[k] * ji;
       K[3 * j + i] = cross_[k] * ij;
-      if constexpr (!kSeparable) {
-        K[3 * i + j] += second_[kSecond[k]] * ij;
-        K[3 * j + i] += second_[kSecond[k]] * ji;
-      }
     }
     const T* U = frame_.U;
     T UK[9];
@@ -161,7 +135,7 @@ class FrameTerms {
 
  private:
   const SingularFrame<T>& frame_;
-  T first_[3], second_[6], same_[3], cross_[3];
+  T first_[3], second_[3], same_[3], cross_[3];
 };
 
 }  // namespace finsight

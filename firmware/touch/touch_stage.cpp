@@ -33,6 +33,8 @@ const Touch& TouchStage::locate(const PlatePoses& poses) {
     touch_.plate_motion_mm = std::max(touch_.plate_motion_mm, plate.displacement_mm.norm());
   }
   if (touch_.plate_motion_mm < model_.threshold_mm) return touch_;
+  touch_.over_range = touch_.plate_motion_mm > model_.range_mm;
+  if (touch_.over_range) return touch_;
   run_network(poses);
   return touch_;
 }

@@ -13,8 +13,9 @@ class TouchStage {
   /// The arrays that `model` views must live as long as the stage.
   explicit TouchStage(const TouchModel& model);
 
-  /// Never throws, never allocates. Invalid below the model's threshold of plate motion, without any seen plate, and
-  /// for non-finite poses; held poses repeat the last touch as held. Plates that are not seen must have been completed.
+  /// Never throws, never allocates. Invalid below the model's threshold of plate motion, beyond its range (then
+  /// `over_range` says so), without any seen plate, and for non-finite poses; held poses repeat the last touch as held.
+  /// Plates that are not seen must have been completed.
   ///
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
   /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face;

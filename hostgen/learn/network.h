@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "hostgen/learn/random.h"
+#include "hostgen/random.h"
 
 namespace finsight::host {
 

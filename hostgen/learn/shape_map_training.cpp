@@ -7,7 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "hostgen/learn/random.h"
+#include "hostgen/random.h"
 
 namespace finsight::host {
 
@@ -74,8 +74,9 @@ ShapeMapModel ShapeMapData::view() const { return {rank, scale, weights, basis};
 ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& displacement_mm, int rank) {
   if (poses.cols() != kNumbers || poses.rows() != displacement_mm.rows() || poses.rows() < 1 || rank < 1 ||
       rank > std::min(displacement_mm.rows(), displacement_mm.cols())) {
-    throw std::invalid_argument("shape map: needs 18 plate numbers and one displacement per sample, and a rank of at "
-                                "most the number of samples");
+    throw std::invalid_argument(
+        "shape map: needs 18 plate numbers and one displacement per sample, and a rank of at "
+        "most the number of samples");
   }
   ShapeMapData map;
   map.rank = rank;

@@ -9,9 +9,9 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kMeans = 7;                                      // point, displacement, force
-constexpr std::array<int, 4> kWithSigma = {0, 1, 2, 6};        // those with a log-sigma, at output kMeans + index
-constexpr float kMillimetresPerRadian = 28.65f;  // half a millimetre per degree: the lever of a plate's edge
+constexpr int kMeans = 7;                                // point, displacement, force
+constexpr std::array<int, 4> kWithSigma = {0, 1, 2, 6};  // those with a log-sigma, at output kMeans + index
+constexpr float kMillimetresPerRadian = 28.65f;          // half a millimetre per degree: the lever of a plate's edge
 constexpr float kPeakRate = 2e-3f;
 constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 256, TouchModel::kOutputs};
 
@@ -81,7 +81,7 @@ TouchModelData fit_normalisation(Measurements& measurements) {
 }  // namespace
 
 TouchModel TouchModelData::view() const {
-  TouchModel model{scale, input_mean, input_scale, output_mean, output_scale, {}, threshold_mm};
+  TouchModel model{scale, input_mean, input_scale, output_mean, output_scale, {}, threshold_mm, range_mm};
   for (std::size_t l = 0; l < 3; ++l) {
     model.layers[l] = {widths[l], widths[l + 1], weights[l], weight_scale[l], bias[l]};
   }
@@ -118,7 +118,8 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
   TouchModelData& model = trained.model;
   model.widths = kWidths;
   const TouchModel view = model.view();
-  const Eigen::Map<const Eigen::ArrayXf> mean(model.output_mean.data(), kMeans), scale(model.output_scale.data(), kMeans);
+  const Eigen::Map<const Eigen::ArrayXf> mean(model.output_mean.data(), kMeans),
+      scale(model.output_scale.data(), kMeans);
 
   Adam adam(trained.network);
   Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kMeans, plan.batch), gradient;

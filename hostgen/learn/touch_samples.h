@@ -4,8 +4,8 @@
 #include <array>
 #include <vector>
 
-#include "hostgen/learn/random.h"
 #include "hostgen/learn/state_interpolant.h"
+#include "hostgen/random.h"
 
 namespace finsight::host {
 
@@ -13,8 +13,8 @@ namespace finsight::host {
 std::vector<TouchSample> draw_touches(const FingerSpec& spec, const StateInterpolant& states, std::size_t count,
                                       Random& random);
 
-/// Adds what the camera gets wrong. It looks along the finger's y axis: y is depth, x and z are lateral, rotations about
-/// x and z are tilt, about y roll.
+/// Adds what the camera gets wrong. It looks along the finger's y axis: y is depth, x and z are lateral, rotations
+/// about x and z are tilt, about y roll.
 void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PlateNumbers& numbers);
 
 /// Which plates are seen: mostly all, sometimes two, seldom one.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "firmware/touch/touch_stage.h"
 
@@ -38,7 +39,8 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
                                    const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
                                    const std::array<bool, kPlates>& seen, int repeats, std::uint64_t seed) {
   TouchModel model = trained.model.view();
-  model.threshold_mm = 0;  // the trials below it are asked for, too
+  model.threshold_mm = 0;  // the trials outside of the range are asked for, too
+  model.range_mm = std::numeric_limits<float>::infinity();
   TouchStage stage(model);
   Random random(seed);
   std::vector<TouchTrial> trials;
@@ -145,11 +147,11 @@ std::string error_table(const std::vector<TouchTrial>& trials) {
     if (errors.empty()) continue;
     const double count = static_cast<double>(errors.size());
     char line[160];
-    std::snprintf(line, sizeof line,
-                  "  plate motion from %4.0f mm: %6.0f touches, mean error %5.2f mm, 95 %% %6.2f mm, inside radius %2.0f "
-                  "%%, inside twice %2.0f %%\n",
-                  kEdges_mm[band], count, sum / count, quantile(errors, 0.95), 100 * inside / count,
-                  100 * inside_twice / count);
+    std::snprintf(
+        line, sizeof line,
+        "  plate motion from %4.0f mm: %6.0f touches, mean error %5.2f mm, 95 %% %6.2f mm, inside radius %2.0f "
+        "%%, inside twice %2.0f %%\n",
+        kEdges_mm[band], count, sum / count, quantile(errors, 0.95), 100 * inside / count, 100 * inside_twice / count);
     table += line;
   }
   return table;

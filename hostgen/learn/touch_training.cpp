@@ -60,8 +60,7 @@ std::vector<FemState> valid_states(const FemDataset& dataset) {
   for (const FemState& state : dataset.states) {
     if (state.valid && state.force_n > 0) states.push_back(state);
   }
-  std::stable_sort(states.begin(), states.end(),
-                   [](const FemState& a, const FemState& b) { return a.path < b.path; });
+  std::stable_sort(states.begin(), states.end(), [](const FemState& a, const FemState& b) { return a.path < b.path; });
   return states;
 }
 
@@ -80,8 +79,19 @@ struct Run {
   }
 };
 
-void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const TouchTrainingPlan& plan,
-           std::uint64_t seed, Progress& progress) {
+// A network answers anything; a little beyond the pushed states its answer is still one, far beyond it is a guess.
+constexpr float kBeyondTraining = 1.15f;
+
+float largest_plate_motion_mm(const std::vector<FemState>& states) {
+  float largest = 0;
+  for (const FemState& state : states) {
+    for (const PlateMotion& plate : state.plates) largest = std::max(largest, plate.displacement_mm.norm());
+  }
+  return largest;
+}
+
+void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
+           Progress& progress) {
   const StateInterpolant interpolant(run.split.train);
   run.leave_one_out_mm = interpolant.leave_one_out_mm();
   Random random(seed);
@@ -92,6 +102,7 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
   });
   quantise(*run.trained);
   run.trained->model.threshold_mm = static_cast<float>(spec.threshold_mm);
+  run.trained->model.range_mm = kBeyondTraining * largest_plate_motion_mm(run.split.train);
 }
 
 std::string missing_plates_table(Run& run, const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {

@@ -24,7 +24,7 @@ struct TouchModelData {
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
-  float threshold_mm = 0;
+  float threshold_mm = 0, range_mm = 0;
   TouchModel view() const;
 };
 
@@ -33,9 +33,9 @@ struct TouchModelData {
 struct TouchScore {
   std::array<double, 3> rmse_mm{}, r2{};
   double mean_mm = 0, force_rmse_n = 0;
-  double mean_above_4_mm = 0;                 ///< mean error where a plate has moved 4 mm or more
+  double mean_above_4_mm = 0;               ///< mean error where a plate has moved 4 mm or more
   double coverage_68 = 0, coverage_95 = 0;  ///< share of errors inside one and two published radii
-  std::size_t touches = 0;                    ///< how many were published
+  std::size_t touches = 0;                  ///< how many were published
 };
 
 struct TouchTraining {

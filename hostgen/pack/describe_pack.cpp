@@ -82,8 +82,9 @@ void describe_shape(std::string& text, const Model& model) {
 void describe_touch(std::string& text, const Model& model) {
   print(text, "  network     %d", model.touch.layers[0].inputs);
   for (const DenseInt8& layer : model.touch.layers) print(text, " -> %d", layer.outputs);
-  print(text, ", int8 weights\n  thresholds  touch from %.3g mm of plate motion, 1000 per mille at %.3g mm\n",
-        static_cast<double>(model.touch.threshold_mm), static_cast<double>(model.rated_deformation_mm));
+  print(text, ", int8 weights\n  thresholds  touch from %.3g to %.3g mm of plate motion, 1000 per mille at %.3g mm\n",
+        static_cast<double>(model.touch.threshold_mm), static_cast<double>(model.touch.range_mm),
+        static_cast<double>(model.rated_deformation_mm));
 }
 
 void describe_pose(std::string& text, const char* name, const Eigen::Isometry3f& T) {

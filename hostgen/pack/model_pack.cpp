@@ -89,6 +89,7 @@ TensorFile pack_tensors(const PackViews& views) {
   tensors.metadata[meta::kTetCount] = std::to_string(views.shape.tets);
   tensors.metadata[meta::kMarkerSize] = decimal(views.mount.marker_size_mm);
   tensors.metadata[meta::kThreshold] = decimal(views.touch.threshold_mm);
+  tensors.metadata[meta::kRange] = decimal(views.touch.range_mm);
   tensors.metadata[meta::kRatedDeformation] = decimal(views.rated_deformation_mm);
 
   add_shape(tensors, views.shape);

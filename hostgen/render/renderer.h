@@ -6,7 +6,7 @@
 
 #include "firmware/types.h"
 #include "hostgen/finger/spec.h"
-#include "hostgen/learn/random.h"
+#include "hostgen/random.h"
 #include "hostgen/render/lens.h"
 
 namespace finsight::host {

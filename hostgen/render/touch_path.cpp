@@ -7,7 +7,7 @@
 
 #include "hostgen/common.h"
 #include "hostgen/fem/statics.h"
-#include "hostgen/learn/random.h"
+#include "hostgen/random.h"
 
 namespace finsight::host {
 

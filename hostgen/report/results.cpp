@@ -39,21 +39,29 @@ constexpr const char* kSkeleton = R"({
   "real": {"random": {"r2": null}, "by_contact_point": {"r2": null}, "pen_distance_mm": null,
            "why": "nothing is trained on real recordings yet"},
   "force": {"gauss_newton_s": null, "lbfgs_s": null, "front_mean_mm": null, "why": "contact forces are not built yet"},
-  "vision": {"lab": {}, "factory": {}, "worst": {}, "frame_ms_p50": null, "frame_ms_p99": null,
-             "why": "area vision was not measured"},
+  "vision": {
+    "lab": {"touch_mm_above_4": null, "touch_mm_above_7": null, "false_valid": null, "flips_per_1000": null},
+    "factory": {"touch_mm_above_4": null, "touch_mm_above_7": null, "false_valid": null, "flips_per_1000": null},
+    "worst": {"touch_mm_above_4": null, "touch_mm_above_7": null, "false_valid": null, "flips_per_1000": null},
+    "frame_ms_p50": null, "frame_ms_p99": null, "why": "area vision was not measured"},
   "modbus": {"read_us_p50": null, "read_us_p99": null, "hostile_worst_ms": null, "why": "area modbus was not measured"},
   "appliance": {"boot_s": null, "slot_mb": null, "security_score": null, "why": "no image exists yet"}
 })";
 
-// Keys of `wanted` that `have` lacks; what is there stays.
+// Keys of `wanted` that `have` lacks; what is there stays. A measured object has lost its "why" and gets it back only
+// with a key that is new.
 void add_missing(json& have, const json& wanted) {
+  bool is_new = false;
   for (const auto& [key, value] : wanted.items()) {
+    if (key == "why") continue;
     if (!have.contains(key)) {
       have[key] = value;
+      is_new = true;
     } else if (value.is_object() && have[key].is_object()) {
       add_missing(have[key], value);
     }
   }
+  if (is_new && wanted.contains("why") && !have.contains("why")) have["why"] = wanted["why"];
 }
 
 // Objects are merged key by key, everything else is replaced; a measured object loses its reason for being empty.

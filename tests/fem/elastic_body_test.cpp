@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "hostgen/learn/random.h"
+#include "hostgen/random.h"
 #include "tests/fem/box_mesh.h"
 
 using namespace finsight;

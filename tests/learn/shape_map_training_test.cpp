@@ -5,7 +5,7 @@
 #include <Eigen/SVD>
 #include <stdexcept>
 
-#include "hostgen/learn/random.h"
+#include "hostgen/random.h"
 
 using namespace finsight;
 using namespace finsight::host;
@@ -102,7 +102,8 @@ TEST_CASE("shape map: the basis is orthonormal and spans what a dense singular v
   Eigen::MatrixXf poses(samples, 18);
   for (int s = 0; s < samples; ++s) poses.row(s) = random_pose(random).transpose();
   const ShapeMapData map = fit_shape_map(poses, displacement, rank);
-  const Eigen::MatrixXf basis = Eigen::Map<const Eigen::Matrix<float, -1, -1, Eigen::RowMajor>>(map.basis.data(), rank, size);
+  const Eigen::MatrixXf basis =
+      Eigen::Map<const Eigen::Matrix<float, -1, -1, Eigen::RowMajor>>(map.basis.data(), rank, size);
   CHECK((basis * basis.transpose() - Eigen::MatrixXf::Identity(rank, rank)).norm() < 1e-4f);
   const Eigen::BDCSVD<Eigen::MatrixXf> svd(displacement, Eigen::ComputeThinV);
   for (int r = 0; r < rank; ++r) CHECK(std::abs(basis.row(r).dot(svd.matrixV().col(r))) > 0.999f);
@@ -116,16 +117,18 @@ TEST_CASE("shape map: a plate number that never moves, and a finger that never m
   const ShapeMapData map = fit_shape_map(samples.poses, samples.displacement_mm, 3);
   for (const float number : map.weights) CHECK(std::isfinite(number));
   CHECK(map.scale[4] < 100);
-  const ShapeMapData still =
-      fit_shape_map(Eigen::MatrixXf::Zero(30, 18), Eigen::MatrixXf::Zero(30, 45), 3);
+  const ShapeMapData still = fit_shape_map(Eigen::MatrixXf::Zero(30, 18), Eigen::MatrixXf::Zero(30, 45), 3);
   for (const float number : still.weights) CHECK(number == 0);
   for (const float number : still.basis) CHECK(std::isfinite(number));
 }
 
 TEST_CASE("shape map: matrices that do not belong together are refused") {
-  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(30, 17), Eigen::MatrixXf::Zero(30, 45), 3), std::invalid_argument);
-  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(29, 18), Eigen::MatrixXf::Zero(30, 45), 3), std::invalid_argument);
-  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(10, 18), Eigen::MatrixXf::Zero(10, 45), 11), std::invalid_argument);
+  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(30, 17), Eigen::MatrixXf::Zero(30, 45), 3),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(29, 18), Eigen::MatrixXf::Zero(30, 45), 3),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(10, 18), Eigen::MatrixXf::Zero(10, 45), 11),
+                  std::invalid_argument);
 }
 
 TEST_CASE("shape map: the same samples give the same bytes") {

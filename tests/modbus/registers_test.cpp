@@ -182,6 +182,7 @@ TEST_CASE("registers: each status bit follows its own cause") {
     return scene.word(0);
   };
   CHECK(status([](Scene& s) { s.touch.quality = Quality::kInvalid; }) == (all_well & ~(kTouchValid | kContact)));
+  CHECK(status([](Scene& s) { s.touch.over_range = true; }) == (all_well | kOverRange));
   CHECK(status([](Scene& s) { s.touch.force_n = 0; }) == (all_well & ~kContact));
   CHECK(status([](Scene& s) { s.touch.force_n = -0.1F; }) == (all_well & ~kContact));
   CHECK(status([](Scene& s) { s.shape.quality = Quality::kInvalid; }) == (all_well & ~kShapeValid));

@@ -83,6 +83,7 @@ TEST_CASE("model: gives back every part of the pack") {
     CHECK(same(model.touch.layers[i].bias, tiny.bias[i]));
   }
   CHECK(model.touch.threshold_mm == 2);
+  CHECK(model.touch.range_mm == 40);
   CHECK(same(model.prior.mean, tiny.prior_mean));
   CHECK(same(model.prior.covariance, tiny.prior_covariance));
   CHECK(model.mount.marker_id == std::array{3, 1, 4});
@@ -196,6 +197,8 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
       {meta::kThreshold, "-1", "metadata 'touch_threshold_mm'"},
       {meta::kThreshold, "inf", "metadata 'touch_threshold_mm'"},
       {meta::kThreshold, "2mm", "metadata 'touch_threshold_mm'"},
+      {meta::kRange, std::nullopt, "metadata 'touch_range_mm'"},
+      {meta::kRange, "1.5", "metadata 'touch_range_mm'"},
       {meta::kRatedDeformation, "", "metadata 'rated_deformation_mm'"},
       {meta::kRatedDeformation, "1e30", "metadata 'rated_deformation_mm'"},
   };

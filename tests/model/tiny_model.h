@@ -8,28 +8,10 @@
 #include <vector>
 
 #include "hostgen/pack/model_pack.h"
+#include "tests/model/scratch_folder.h"
+#include "tests/random.h"
 
 namespace finsight::test {
-
-/// splitmix64, as floats in [-1, 1).
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
-  float next() {
-    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15u);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-    return static_cast<float>((z ^ (z >> 31)) >> 40) / static_cast<float>(1 << 23) - 1;
-  }
-  std::vector<float> numbers(std::size_t count, float size) {
-    std::vector<float> values(count);
-    for (float& value : values) value = size * next();
-    return values;
-  }
-
- private:
-  std::uint64_t state_;
-};
 
 /// Owns every array of the pack; change any of them before views(). A bar of 3 x 7 x 2 nodes, 30 x 120 x 20 mm: base at
 /// y = 0, touched face at z = 0, plates on the back at y = 120 (top), 80 and 40 mm.
@@ -65,6 +47,7 @@ struct TinyModel {
     parts.hostgen_version = "0.0.0";
     parts.rated_deformation_mm = 10;
     parts.touch.threshold_mm = 2;
+    parts.touch.range_mm = 40;
   }
 
   host::PackViews views() const {
@@ -89,8 +72,21 @@ struct TinyModel {
 
   void write(const std::filesystem::path& file) const { host::write_model_pack(file, views()); }
 
+  /// Written and opened as the firmware does it.
+  Model open() const {
+    const ScratchFolder folder;  // the model maps the file, which lives on without a name
+    write(folder / "pack");
+    return Model::open(folder / "pack");
+  }
+
  private:
   static int node_at(int i, int j, int k) { return (j * kDeep + k) * kAcross + i; }
+  /// In [-size, size).
+  static std::vector<float> numbers(Random& random, std::size_t count, double size) {
+    std::vector<float> values(count);
+    for (float& value : values) value = static_cast<float>(random.uniform(-size, size));
+    return values;
+  }
   static int layer_width(std::size_t i) {
     return std::array{TouchModel::kInputs, kHidden, kHidden, TouchModel::kOutputs}[i];
   }
@@ -165,30 +161,30 @@ struct TinyModel {
 
   void make_map(Random& random) {
     for (int i = 0; i < 18; ++i) map_scale.push_back(i % 6 < 3 ? 0.1f : 1.f);
-    map_weights = random.numbers(kRank * ShapeMapModel::kFeatures, 0.1f);
+    map_weights = numbers(random, kRank * ShapeMapModel::kFeatures, 0.1f);
     for (int r = 0; r < kRank; ++r) map_weights[static_cast<std::size_t>(r * ShapeMapModel::kFeatures)] = 0;  // rest
-    map_basis = random.numbers(kRank * 3 * kNodes, 0.1f);
+    map_basis = numbers(random, kRank * 3 * kNodes, 0.1f);
   }
 
   void make_network(Random& random) {
     for (int i = 0; i < 18; ++i) touch_scale.push_back(i % 6 < 3 ? 1.f : 20.f);
-    input_mean = random.numbers(TouchModel::kInputs, 0.1f);
+    input_mean = numbers(random, TouchModel::kInputs, 0.1f);
     input_scale.assign(TouchModel::kInputs, 1.5f);
     output_mean = {0, 60, 0, 0, 0, 2, 3, 0, 0, 0, -1};
     output_scale = {5, 20, 1, 0.5f, 0.5f, 2, 1, 0.1f, 0.1f, 0.1f, 0.1f};
     for (std::size_t i = 0; i < 3; ++i) {
       const auto inputs = static_cast<std::size_t>(layer_width(i)),
                  outputs = static_cast<std::size_t>(layer_width(i + 1));
-      for (const float value : random.numbers(inputs * outputs, 127))
+      for (const float value : numbers(random, inputs * outputs, 127))
         weights[i].push_back(static_cast<std::int8_t>(value));
       weight_scale[i].assign(outputs, 0.005f);
-      bias[i] = random.numbers(outputs, 0.1f);
+      bias[i] = numbers(random, outputs, 0.1f);
     }
   }
 
   /// Plates that move together towards the back, with a little motion of their own.
   void make_prior(Random& random) {
-    prior_mean = random.numbers(18, 0.01f);
+    prior_mean = numbers(random, 18, 0.01f);
     Eigen::Matrix<float, 18, 1> common = Eigen::Matrix<float, 18, 1>::Zero();
     for (int p = 0; p < kPlates; ++p) common.segment<6>(6 * p) << 0, -0.5f, 3, 0.05f, 0, 0;
     Eigen::Matrix<float, 18, 18> covariance = common * common.transpose();
@@ -212,7 +208,7 @@ struct TinyModel {
   }
 
   void make_self_test(Random& random) {
-    test_poses = random.numbers(18 * kCases, 0.05f);
+    test_poses = numbers(random, 18 * kCases, 0.05f);
     for (int c = 0; c < kCases; ++c) test_shape_mm.insert(test_shape_mm.end(), rest_mm.begin(), rest_mm.end());
     test_touch.assign(7 * kCases, 0);
     test_registers.assign(kMeasurementRegisters * kCases, 0);

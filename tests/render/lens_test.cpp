@@ -4,7 +4,7 @@
 
 #include <opencv2/calib3d.hpp>
 
-#include "hostgen/learn/random.h"
+#include "hostgen/random.h"
 
 using namespace finsight::host;
 

@@ -13,25 +13,9 @@
 
 #include "firmware/types.h"
 #include "hostgen/finger/mesh.h"
+#include "tests/random.h"
 
 namespace finsight::test {
-
-/// Uniform numbers in [0, 1) and normal ones, the same on every machine (splitmix64, Box-Muller).
-class Random {
- public:
-  explicit Random(std::uint64_t seed) : state_(seed) {}
-  double uniform() {
-    std::uint64_t z = state_ += 0x9e3779b97f4a7c15u;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-53;
-  }
-  double uniform(double low, double high) { return low + (high - low) * uniform(); }
-  double normal() { return std::sqrt(-2 * std::log(1 - uniform())) * std::cos(2 * M_PI * uniform()); }
-
- private:
-  std::uint64_t state_;
-};
 
 /// 30 x 120 x 25 mm, `across` cubes wide, `up` high, `deep` deep. The default has 3,312 tets.
 inline host::TetMesh frame_mesh(int across = 8, int up = 27, int deep = 6) {

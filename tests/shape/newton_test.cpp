@@ -7,7 +7,7 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/fem/shape_model.h"
-#include "tests/shape/count_allocations.h"
+#include "tests/count_allocations.h"
 #include "tests/shape/finger_motion.h"
 #include "tests/shape/frame_mesh.h"
 

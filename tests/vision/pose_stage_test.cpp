@@ -7,6 +7,7 @@
 #include "firmware/input_error.h"
 #include "firmware/model/plate_prior.h"
 #include "firmware/vision/marker_stage.h"
+#include "tests/count_allocations.h"
 #include "tests/vision/test_finger.h"
 
 using namespace finsight;
@@ -304,4 +305,27 @@ TEST_CASE("poses: a camera or prior that cannot be is refused") {
   camera.fx = std::numeric_limits<float>::quiet_NaN();
   CHECK_THROWS_AS(PoseStage(test_mount(), prior.view(), camera), InputError);
   CHECK_THROWS_AS(PoseStage(test_mount(), PlatePrior{}, camera_640x480()), InputError);
+}
+
+TEST_CASE("poses: estimate allocates nothing after construction, seen or unseen, good or bad corners") {
+  const MountModel mount = test_mount();
+  const TestPrior prior;
+  const CameraModel camera = camera_640x480();
+  Random random(10);
+  const MarkerCorners good = noisy(corners_of(mount, camera, plate_motions(prior.draw(random))), 0.15, random);
+  MarkerCorners alone = good, none = good, turned = good, infinite = good;
+  alone.seen = {true, false, false};
+  none.seen = kNone;
+  std::swap(turned.corners_px[kMiddlePlate][0], turned.corners_px[kMiddlePlate][2]);
+  infinite.corners_px[kTopPlate][1].x() = std::numeric_limits<float>::infinity();
+  const std::array all{good, alone, none, turned, infinite};
+  for (const PoseMethod method : {PoseMethod::kJoint, PoseMethod::kPublished}) {
+    PoseStage stage(mount, prior.view(), camera, method);
+    int seen = 0;
+    const long before = allocations;
+    for (const MarkerCorners& corners : all) seen += stage.estimate(corners).seen_count();
+    const long after = allocations;
+    CHECK(after == before);
+    CHECK(seen >= 3 + 1 + 0 + 2 + 2);
+  }
 }

@@ -1,0 +1,291 @@
+#include "firmware/frame_loop.h"
+
+#include <doctest/doctest.h>
+
+#include <bit>
+#include <limits>
+
+#include "firmware/model/plate_prior.h"
+#include "tests/count_allocations.h"
+#include "tests/model/tiny_model.h"
+#include "tests/vision/test_finger.h"
+
+using namespace finsight;
+
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000, kStart = 5000 * kMs, kPeriod = 16'666'667;
+constexpr std::uint16_t kNoInt16 = 0x8000, kNoUint16 = 0xFFFF;
+constexpr std::uint16_t kAllSeen = kTopSeen | kMiddleSeen | kLowSeen;
+
+/// The tiny model with markers that a camera sees, and a prior to match.
+const Model& model() {
+  static const Model the_model = [] {
+    test::TinyModel tiny;
+    const test::TestPrior prior;
+    tiny.parts.mount = test::test_mount();
+    tiny.prior_mean.assign(prior.view().mean.begin(), prior.view().mean.end());
+    tiny.prior_covariance.assign(prior.view().covariance.begin(), prior.view().covariance.end());
+    return tiny.open();
+  }();
+  return the_model;
+}
+
+/// A touched finger: its plates bent away by up to 6 mm.
+PlatePoses touched(float size = 1) {
+  std::array<float, 18> numbers{};
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    const float y = 0.75f - 0.23f * static_cast<float>(p);
+    numbers[6 * p + 1] = -0.6f * size * y;
+    numbers[6 * p + 2] = 9 * size * y * y;
+    numbers[6 * p + 3] = 0.16f * size * y;
+  }
+  return seen_poses(numbers);
+}
+
+/// Feeds a loop one frame every 60th of a second.
+struct Feeder {
+  explicit Feeder(const std::optional<CameraModel>& camera = std::nullopt, const LoopSettings& settings = {})
+      : loop(model(), camera, settings) {}
+
+  const RegisterImage& step(Frame frame) {
+    frame.sequence = sequence++;
+    frame.exposure_ns = now_ns += kPeriod;
+    return loop.step(frame);
+  }
+  const RegisterImage& step(const PlatePoses& poses) { return step(Frame{.poses = &poses}); }
+  const RegisterImage& step_nothing_seen() { return step(PlatePoses{}); }
+
+  FrameLoop loop;
+  std::uint32_t sequence = 0;
+  std::int64_t now_ns = kStart;
+};
+
+bool touch_registers_are_invalid(const RegisterImage& image) {
+  return image.words[5] == kNoInt16 && image.words[6] == kNoInt16 && image.words[7] == kNoInt16 &&
+         image.words[8] == kNoUint16 && image.words[9] == kNoUint16 && image.words[11] == kNoUint16 &&
+         image.words[16] == kNoInt16;
+}
+
+std::vector<std::uint8_t> painted(const CameraModel& camera, const PlatePoses& poses, std::uint64_t seed) {
+  test::Paint paint;
+  paint.samples = 37;
+  return test::paint_plates(model().mount, camera, poses.plates, paint, seed);
+}
+
+}  // namespace
+
+TEST_CASE("loop: recorded plates go through all stages into the registers") {
+  Feeder feeder;
+  const PlatePoses poses = touched();
+  const RegisterImage image = feeder.step(poses);
+
+  ShapeStage shape_stage(model(), ShapeSettings{});
+  TouchStage touch_stage(model());
+  RegisterImage expected;
+  encode_registers(poses, shape_stage.solve(poses), touch_stage.locate(poses), feeder.loop.state(), expected);
+  CHECK(image.words == expected.words);
+  CHECK(image.exposure_ns == kStart + kPeriod);
+
+  CHECK(image.words[0] == (kReady | kTouchValid | kContact | kShapeValid | kAllSeen));
+  CHECK(image.words[1] == 0);
+  CHECK(image.words[16] == std::lround(100 * poses.plates[kTopPlate].displacement_mm.z()));
+  CHECK(image.words[35] == 2);  // one factorisation, one chord step
+  CHECK((std::uint32_t{image.words[36]} << 16 | image.words[37]) == model().checksum);
+}
+
+TEST_CASE("loop: its settings reach the solver and the registers") {
+  Feeder feeder(std::nullopt, {.shape = {.tier = ShapeSettings::Tier::kMap}, .word_order = WordOrder::kCDAB});
+  const RegisterImage& image = feeder.step(touched());
+  CHECK(image.words[35] == 0);
+  CHECK(image.words[43] == 1);  // the shape map
+  CHECK((std::uint32_t{image.words[37]} << 16 | image.words[36]) == model().checksum);
+}
+
+TEST_CASE("loop: with the top plate alone the others are completed, and the shape is not called valid") {
+  Feeder feeder;
+  PlatePoses poses = touched(), completed = poses;
+  poses.seen = completed.seen = {true, false, false};
+  poses.plates[kMiddlePlate] = poses.plates[kLowPlate] = {Vec3f(50, 50, 50), Vec3f(1, 1, 1)};  // must not be read
+  complete_from_prior(model().prior, completed);
+  const RegisterImage& image = feeder.step(poses);
+  CHECK(image.words[0] == (kReady | kTouchValid | kContact | kHeld | kTopSeen));
+  CHECK(image.words[1] == 0);
+  ShapeStage stage(model(), ShapeSettings{});
+  CHECK(image.words[12] == std::lround(100 * stage.solve(completed).largest_mm));
+}
+
+TEST_CASE("loop: lost markers are held for the hold time, then everything is invalid, then it comes back") {
+  Feeder feeder(std::nullopt, {.shape = {}, .hold_time_ns = 6 * kPeriod});
+  const RegisterImage seen = feeder.step(touched());
+  for (int frame = 1; frame <= 6; ++frame) {
+    const RegisterImage& held = feeder.step_nothing_seen();
+    CAPTURE(frame);
+    CHECK(held.words[0] == (kReady | kTouchValid | kContact | kHeld));
+    CHECK(held.words[1] == 0);
+    for (const std::size_t address : {5, 6, 7, 9, 14, 15, 16, 40}) CHECK(held.words[address] == seen.words[address]);
+  }
+  for (int frame = 0; frame < 3; ++frame) {
+    const RegisterImage& lost = feeder.step_nothing_seen();
+    CHECK(lost.words[0] == kAnyFault);
+    CHECK(lost.words[1] == static_cast<int>(FaultCode::kMarkersLost));
+    CHECK(touch_registers_are_invalid(lost));
+  }
+  const RegisterImage& back = feeder.step(touched());
+  CHECK(back.words[0] == seen.words[0]);
+  CHECK(back.words[1] == 0);
+  CHECK(std::equal(&back.words[5], &back.words[32], &seen.words[5]));
+}
+
+TEST_CASE("loop: a hold time of zero holds nothing") {
+  Feeder feeder(std::nullopt, {.shape = {}, .hold_time_ns = 0});
+  feeder.step(touched());
+  CHECK(touch_registers_are_invalid(feeder.step_nothing_seen()));
+}
+
+TEST_CASE("loop: a lost camera is a fault at once, its last result is held for the hold time") {
+  Feeder feeder(std::nullopt, {.shape = {}, .hold_time_ns = 100 * kMs});
+  const RegisterImage seen = feeder.step(touched());
+  const RegisterImage held = feeder.loop.step_without_frame(feeder.now_ns + 100 * kMs);
+  CHECK(held.words[0] == (kReady | kTouchValid | kContact | kHeld | kCameraFault | kAnyFault));
+  CHECK(held.words[1] == static_cast<int>(FaultCode::kCameraLost));
+  CHECK(held.words[2] == seen.words[2] + 1);
+  CHECK(held.words[5] == seen.words[5]);
+  CHECK(held.exposure_ns == seen.exposure_ns);  // the age goes on counting from the last exposure
+  CHECK(std::equal(&held.words[32], &held.words[35], &seen.words[32]));  // no frame was counted
+
+  const RegisterImage& lost = feeder.loop.step_without_frame(feeder.now_ns + 100 * kMs + 1);
+  CHECK(lost.words[0] == (kCameraFault | kAnyFault));
+  CHECK(lost.words[1] == static_cast<int>(FaultCode::kCameraLost));
+  CHECK(touch_registers_are_invalid(lost));
+
+  const RegisterImage& back = feeder.step(touched());
+  CHECK(back.words[0] == seen.words[0]);
+  CHECK(back.words[1] == 0);
+}
+
+TEST_CASE("loop: a camera that never delivers gives invalid values and no age") {
+  Feeder feeder;
+  for (int i = 0; i < 3; ++i) {
+    const RegisterImage& image = feeder.loop.step_without_frame(kStart + i * 100 * kMs);
+    CHECK(image.words[0] == (kCameraFault | kAnyFault));
+    CHECK(touch_registers_are_invalid(image));
+    CHECK(image.words[4] == kNoUint16);
+    CHECK(image.exposure_ns == 0);
+  }
+}
+
+TEST_CASE("loop: poses that no finger can have keep the last shape, with the solver's fault") {
+  Feeder feeder;
+  const RegisterImage seen = feeder.step(touched());
+  PlatePoses bad = touched();
+  bad.plates[kLowPlate].rotation_rad.x() = std::numeric_limits<float>::quiet_NaN();
+  const RegisterImage& image = feeder.step(bad);
+  CHECK((image.words[0] & (kSolverFallback | kAnyFault | kTouchValid | kHeld)) ==
+        (kSolverFallback | kAnyFault | kHeld));
+  CHECK(image.words[1] == static_cast<int>(FaultCode::kSolverFailed));
+  CHECK(image.words[11] == seen.words[11]);
+  CHECK(feeder.step(touched()).words[0] == seen.words[0]);
+}
+
+TEST_CASE("loop: counts results, frames and gaps in the camera's counter") {
+  Feeder feeder;
+  feeder.sequence = 1000;  // the camera ran before us
+  const auto dropped = [&] { return feeder.step(touched()).words[34]; };
+  CHECK(dropped() == 0);
+  CHECK(dropped() == 0);
+  feeder.sequence += 3;
+  const RegisterImage image = feeder.step(touched());
+  CHECK(image.words[2] == 3);      // heartbeat
+  CHECK(image.words[33] == 1005);  // frame counter
+  CHECK(image.words[34] == 3);
+  CHECK(feeder.loop.state().frames == 3);
+  CHECK(feeder.loop.times().frame.count() == 3);
+  CHECK(feeder.loop.times().table().find("registers       3 ") != std::string::npos);
+}
+
+TEST_CASE("loop: the camera's counter may wrap, and may start anew") {
+  Feeder feeder;
+  feeder.sequence = 0xFFFF'FFFF;
+  feeder.step(touched());
+  CHECK(feeder.step(touched()).words[34] == 0);  // 0 comes after 2^32 - 1
+  feeder.sequence += 2;
+  CHECK(feeder.step(touched()).words[34] == 2);
+  feeder.sequence = 0;  // the camera was restarted: how many frames that cost is not known
+  CHECK(feeder.step(touched()).words[34] == 2);
+  CHECK(feeder.step(touched()).words[34] == 2);
+}
+
+TEST_CASE("loop: a picture for a loop without a camera is one without markers") {
+  Feeder feeder;
+  const CameraModel camera = test::camera_640x480();
+  const std::vector<std::uint8_t> grey = painted(camera, touched(), 1);
+  const RegisterImage& image = feeder.step(test::frame_of(camera, grey));
+  CHECK(image.words[0] == kAnyFault);
+  CHECK(image.words[1] == static_cast<int>(FaultCode::kMarkersLost));
+}
+
+TEST_CASE("loop: pictures give the same registers as the poses that they show, within what pixels can tell") {
+  const CameraModel camera = test::camera_1280x720();
+  Feeder seeing(camera), knowing;
+  const std::vector<std::uint8_t> grey = painted(camera, touched(), 1);
+  const RegisterImage& seen = seeing.step(test::frame_of(camera, grey));
+  const RegisterImage& known = knowing.step(touched());
+  CHECK(seen.words[0] == known.words[0]);
+  for (std::size_t address = 14; address < 17; ++address) {  // the top plate's displacement
+    CHECK(std::abs(static_cast<std::int16_t>(seen.words[address]) - static_cast<std::int16_t>(known.words[address])) <
+          20);
+  }
+  // Recorded poses win over the camera: such a frame has no picture.
+  CHECK(seeing.step(touched(1.1f)).words[16] == knowing.step(touched(1.1f)).words[16]);
+
+  const std::vector<std::uint8_t> dark(grey.size(), 20);
+  const RegisterImage& held = seeing.step(test::frame_of(camera, dark));
+  CHECK((held.words[0] & (kHeld | kTopSeen)) == kHeld);
+}
+
+TEST_CASE("loop: frames with recorded poses allocate nothing, whatever happens, from the first one on") {
+  PlatePoses alone = touched(), bad = touched(), far = touched(4), swapped = touched();
+  alone.seen = {true, false, false};
+  bad.plates[0].displacement_mm.x() = std::numeric_limits<float>::infinity();
+  swapped.plates[kTopPlate].displacement_mm.y() = -80;
+  swapped.plates[kLowPlate].displacement_mm.y() = 80;
+  const PlatePoses nothing, all[] = {touched(), alone, far, bad, swapped, nothing, touched(-1)};
+  using Tier = ShapeSettings::Tier;
+  for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
+    Feeder feeder(std::nullopt, {.shape = {.tier = tier}});
+    const long before = test::allocations;
+    for (int round = 0; round < 3; ++round) {
+      for (const PlatePoses& poses : all) feeder.step(poses);
+      feeder.loop.step_without_frame(feeder.now_ns + 1000 * kMs);
+    }
+    const long after = test::allocations;
+    CHECK(after == before);
+  }
+}
+
+// OpenCV's detector allocates in every window that it looks at, as any user of it must accept. All else does not.
+TEST_CASE("loop: pictures allocate what the marker detector does, and not once more") {
+  const CameraModel camera = test::camera_640x480();
+  const std::vector<std::uint8_t> bent = painted(camera, touched(), 1), further = painted(camera, touched(1.1f), 2),
+                                  dark(bent.size(), 20);
+  const std::vector<std::uint8_t>* shown[] = {&bent, &further, &bent, &dark, &dark, &bent, &further};
+  Feeder feeder(camera);
+  MarkerStage markers(model(), camera);
+  int found = 0;
+  for (int round = 0; round < 3; ++round) {
+    for (const auto* grey : shown) {
+      const Frame frame = test::frame_of(camera, *grey);
+      const long start = test::allocations;
+      const bool seen = markers.find(frame).seen[kTopPlate];
+      const long detector = test::allocations - start;
+      const RegisterImage& image = feeder.step(frame);
+      const long loop = test::allocations - start - detector;
+      CHECK(seen == ((image.words[0] & kTopSeen) != 0));
+      CHECK(detector > 0);
+      if (round > 0) CHECK(loop == detector);
+      found += seen;
+    }
+  }
+  CHECK(found > 9);
+}

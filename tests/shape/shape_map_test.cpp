@@ -1,0 +1,86 @@
+#include "firmware/shape/shape_map.h"
+
+#include <doctest/doctest.h>
+
+#include <Eigen/Dense>
+
+#include "firmware/input_error.h"
+#include "tests/random.h"
+
+using namespace finsight;
+
+namespace {
+
+constexpr std::size_t kCoordinates = 3 * 40;
+
+/// Random numbers everywhere: a map of no finger.
+struct RandomMap {
+  explicit RandomMap(int the_rank) : rank(the_rank) {
+    test::Random random(1);
+    const auto fill = [&](std::vector<float>& values, std::size_t count) {
+      for (std::size_t i = 0; i < count; ++i) values.push_back(static_cast<float>(random.normal()));
+    };
+    fill(rest, kCoordinates);
+    fill(scale, 18);
+    fill(weights, static_cast<std::size_t>(rank) * ShapeMapModel::kFeatures);
+    fill(basis, static_cast<std::size_t>(rank) * kCoordinates);
+    fill(numbers, 18);
+  }
+  ShapeMapModel map() const { return {rank, scale, weights, basis}; }
+  ShapeModel shape() const {
+    ShapeModel model;
+    model.nodes = static_cast<int>(rest.size() / 3);
+    model.rest_mm = rest;
+    return model;
+  }
+  std::vector<float> evaluate() const {
+    std::vector<float> node_mm(kCoordinates, -1.0f);
+    ShapeMap(map(), shape()).evaluate(Eigen::Map<const Eigen::Matrix<float, 18, 1>>(numbers.data()), node_mm);
+    return node_mm;
+  }
+  int rank;
+  std::vector<float> rest, scale, weights, basis, numbers;
+};
+
+Eigen::VectorXd vector(const std::vector<float>& values) {
+  return Eigen::Map<const Eigen::VectorXf>(values.data(), static_cast<Eigen::Index>(values.size())).cast<double>();
+}
+
+Eigen::MatrixXd rows(const std::vector<float>& values, int count) {
+  using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return Eigen::Map<const Matrix>(values.data(), count, static_cast<Eigen::Index>(values.size()) / count)
+      .cast<double>();
+}
+
+}  // namespace
+
+TEST_CASE("shape map: is rest plus the basis times the weights of 1, the scaled numbers and their products") {
+  const RandomMap random(5);
+  const Eigen::VectorXd x = vector(random.numbers).cwiseProduct(vector(random.scale));
+  Eigen::VectorXd features(ShapeMapModel::kFeatures);
+  features << 1, x, Eigen::VectorXd::Zero(171);
+  int at = 19;
+  for (int i = 0; i < 18; ++i)
+    for (int j = i; j < 18; ++j) features[at++] = x[i] * x[j];
+  REQUIRE(at == ShapeMapModel::kFeatures);
+  const Eigen::VectorXd expected =
+      vector(random.rest) + rows(random.basis, 5).transpose() * (rows(random.weights, 5) * features);
+  CHECK((vector(random.evaluate()) - expected).norm() < 1e-5 * expected.norm());
+}
+
+TEST_CASE("shape map: without a basis it answers the finger at rest") {
+  const RandomMap random(0);
+  CHECK(random.evaluate() == random.rest);
+}
+
+TEST_CASE("shape map: refuses sizes that do not fit the shape") {
+  const std::pair<std::vector<float> RandomMap::*, const char*> parts[] = {
+      {&RandomMap::scale, "scale: found 17 numbers, expected 18"},
+      {&RandomMap::weights, "weights: found 569 numbers, expected 570"},
+      {&RandomMap::basis, "basis: found 359 numbers, expected 360"}};
+  for (const auto& [part, message] : parts) {
+    RandomMap random(3);
+    (random.*part).pop_back();
+    CHECK_THROWS_WITH_AS(random.evaluate(), doctest::Contains(message), InputError);
+  }
+}
