@@ -151,6 +151,14 @@ class Machine:
             text += part
         return text.replace(b"\r", b"")
 
+    def wait_up(self, limit_s=900):
+        """Until the device counts itself healthy (or stays in safe mode): from then on it takes updates."""
+        end = time.monotonic() + limit_s
+        while self.shell("[ -e /run/finsight/up ]")[0] != 0:
+            if time.monotonic() > end:
+                raise TimeoutError("never healthy:\n" + self.console()[-2000:])
+            time.sleep(1)
+
     def plug_stick(self, image, name="stick"):
         self.monitor(f"drive_add 0 if=none,id={name},file={image},format=raw")
         self.monitor(f"device_add usb-storage,id=usb-{name},drive={name}")
