@@ -2,14 +2,17 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
+#include "firmware/appliance.h"
 #include "firmware/frame_loop.h"
 #include "firmware/input_error.h"
 #include "firmware/outputs.h"
@@ -23,11 +26,14 @@ using namespace finsight;
 constexpr const char* kUsage =
     "finsightd: a soft finger's camera in, touch on Modbus registers out.\n"
     "\n"
-    "usage: finsightd --settings FILE [--registers CSV | --check | --safe-outputs]\n"
+    "usage: finsightd --settings FILE [--user FILE] [--registers CSV | --check | --safe-outputs | ...]\n"
     "  --settings FILE   board file (TOML); boards/replay/board.toml is one with every key explained\n"
+    "  --user FILE       its values take the place of the board file's\n"
     "  --registers CSV   at the end, write every published register block to this file\n"
     "  --check           read settings and model, run the self-test, and stop\n"
     "  --safe-outputs    set the digital outputs to their safe levels, and stop: for after a crash\n"
+    "  --network FILE    write the [network] section for systemd-networkd to this file, and stop\n"
+    "  --safe-mode CODE  only serve a fault: that the firmware ended again and again with this exit code\n"
     "  --help, --version\n"
     "\n"
     "Stops on SIGINT and SIGTERM, or at the end of a recording that does not repeat.\n"
@@ -36,7 +42,8 @@ constexpr const char* kUsage =
 std::atomic<bool> stop_requested{false};
 
 struct Arguments {
-  std::string settings, registers;
+  std::string settings, user, registers, network;
+  std::optional<std::string> safe_mode;
   bool check = false, safe_outputs = false;
 };
 
@@ -46,6 +53,12 @@ std::optional<Arguments> parse(int argc, char** argv) {
     const std::string word = argv[i];
     if (word == "--settings" && i + 1 < argc) {
       arguments.settings = argv[++i];
+    } else if (word == "--user" && i + 1 < argc) {
+      arguments.user = argv[++i];
+    } else if (word == "--network" && i + 1 < argc) {
+      arguments.network = argv[++i];
+    } else if (word == "--safe-mode" && i + 1 < argc) {
+      arguments.safe_mode = argv[++i];
     } else if (word == "--registers" && i + 1 < argc) {
       arguments.registers = argv[++i];
     } else if (word == "--check") {
@@ -137,12 +150,15 @@ class RegisterLog {
 
 /// Frames in, registers and outputs out, until the recording ends or a signal comes. False: the outputs failed.
 bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
+  Supervisor supervisor;
+  supervisor.ready();
   constexpr int kFrameTimeoutMs = 100;  // six frame times at 60 frames/s: the camera has stalled
   while (!stop_requested) {
     Frame frame;
     if (camera.next(frame, kFrameTimeoutMs)) {
       const RegisterImage& image = loop.step(frame);
       server.publish(image);
+      supervisor.alive(steady_now_ns());
       if (!outputs.set(image)) return false;
       log.add(image);
     } else if (camera.ended()) {
@@ -156,8 +172,47 @@ bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs
   return true;
 }
 
+/// The firmware cannot work: clients see why. Needs no model and no camera, and settings only as far as they are good.
+int serve_fault(const Arguments& arguments) {
+  ModbusSettings modbus{.address = "0.0.0.0", .port = 502};
+  LoopState state;
+  state.fault = *arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
+  std::optional<Outputs> outputs;  // stay safe from their opening on
+  try {
+    const Settings settings = read_settings(arguments.settings, arguments.user);
+    modbus = settings.modbus;
+    state.word_order = settings.loop.word_order;
+    outputs.emplace(settings.gpio);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "finsightd: %s\n", error.what());
+  }
+  ModbusServer server(modbus);
+  std::fprintf(stderr, "finsightd: SAFE MODE, fault %d; Modbus TCP on %s:%d\n", static_cast<int>(state.fault),
+               modbus.address.c_str(), server.port());
+  Supervisor().ready();
+  RegisterImage image;
+  while (!stop_requested) {
+    ++state.heartbeat;
+    encode_registers(PlatePoses{}, FingerShape{}, Touch{}, state, image);
+    server.publish(image);
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  return 0;
+}
+
+int write_network(const Arguments& arguments) {
+  const std::string text = networkd_file(read_settings(arguments.settings, arguments.user).network);
+  std::ofstream out(arguments.network);
+  out << text;
+  out.flush();
+  if (!out) throw std::runtime_error(arguments.network + ": cannot be written");
+  return 0;
+}
+
 int start(const Arguments& arguments) {
-  const Settings settings = read_settings(arguments.settings);
+  if (arguments.safe_mode) return serve_fault(arguments);
+  if (!arguments.network.empty()) return write_network(arguments);
+  const Settings settings = read_settings(arguments.settings, arguments.user);
   if (arguments.safe_outputs) {
     const Outputs outputs(settings.gpio);  // takes the lines at their safe levels
     return 0;
@@ -173,6 +228,7 @@ int start(const Arguments& arguments) {
   ModbusServer server(settings.modbus);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
+  make_realtime(settings.realtime);
   if (!run(*camera, loop, server, outputs, log)) throw std::runtime_error("gpio: the outputs cannot be set any more");
   log.write();
   const CameraCounts counts = camera->counts();

@@ -104,10 +104,34 @@ void read_modbus(TomlTable table, Settings& settings) {
   table.finish();
 }
 
+void read_realtime(TomlTable table, RealtimeSettings& realtime) {
+  realtime.priority = static_cast<int>(table.integer("priority", 0, 50, 0));
+  realtime.cpu = static_cast<int>(table.integer("cpu", -1, 255, -1));
+  realtime.lock_memory = table.flag("lock_memory", false);
+  table.finish();
+}
+
+void read_network(TomlTable table, NetworkSettings& network) {
+  if (table.choice("method", {"dhcp", "static"}) == "static") {
+    network.address = table.text("address");
+    network.gateway = table.text("gateway", "");
+    if (!is_ipv4(network.address, true)) {
+      throw InputError(table.where("address"), "network.address", "\"" + network.address + "\"",
+                       "an address with its prefix length, such as \"192.168.0.40/24\"");
+    }
+    if (!network.gateway.empty() && !is_ipv4(network.gateway, false)) {
+      throw InputError(table.where("gateway"), "network.gateway", "\"" + network.gateway + "\"",
+                       "an address, such as \"192.168.0.1\"");
+    }
+  }
+  table.finish();
+}
+
 }  // namespace
 
-Settings read_settings(const std::filesystem::path& file) {
+Settings read_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
   TomlTable root = TomlTable::parse_file(file);
+  if (!user.empty()) root.override_with(user);
   Settings settings;
   settings.pack = root.path("pack");
   read_source(root.table("source"), settings);
@@ -116,6 +140,8 @@ Settings read_settings(const std::filesystem::path& file) {
   if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
   constexpr std::int64_t kNsPerMs = 1'000'000;
   settings.loop.hold_time_ns = kNsPerMs * root.integer("hold_time_ms", 0, 10000, settings.loop.hold_time_ns / kNsPerMs);
+  if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
+  if (root.has("network")) read_network(root.table("network"), settings.network);
   root.finish();
   return settings;
 }

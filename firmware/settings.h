@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "firmware/appliance.h"
 #include "firmware/frame_loop.h"
 #include "firmware/modbus/server.h"
 #include "firmware/ports/camera.h"
@@ -22,10 +23,13 @@ struct Settings {
   std::optional<GpioSettings> gpio;
   LoopSettings loop;
   ModbusSettings modbus;
+  RealtimeSettings realtime;
+  NetworkSettings network;
 };
 
-/// Throws InputError with file:line, key, found and expected. Relative paths start at the file's folder.
-Settings read_settings(const std::filesystem::path& file);
+/// Throws InputError with file:line, key, found and expected. Relative paths start at the file's folder. Values of
+/// `user`, when it is given, take the place of the board file's.
+Settings read_settings(const std::filesystem::path& file, const std::filesystem::path& user = {});
 
 /// The intrinsics that a session was recorded with, as the vision stages want them.
 CameraModel camera_of(const SessionInfo& session);

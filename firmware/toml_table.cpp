@@ -86,12 +86,35 @@ TomlTable TomlTable::parse_text(const std::string& text, const std::string& name
   return TomlTable(document, &document->root, "");
 }
 
+namespace {
+
+void take_over(toml::table& base, toml::table& changes) {
+  for (auto&& [key, node] : changes) {
+    toml::node* old = base.get(key.str());
+    const toml::table* change = node.as_table();
+    const bool another = change && change->contains("kind");  // of which only its own keys make sense
+    if (old && old->is_table() && change && !another) {
+      take_over(*old->as_table(), *node.as_table());
+    } else {
+      base.insert_or_assign(key, std::move(node));  // moved, because a copy forgets where it stood
+    }
+  }
+}
+
+}  // namespace
+
+void TomlTable::override_with(const std::filesystem::path& file) {
+  TomlTable changes = parse_file(file);
+  take_over(document_->root, changes.document_->root);
+}
+
 bool TomlTable::has(const std::string& key) const { return as_table(node_).contains(key); }
 
 std::string TomlTable::where(const std::string& key) const {
   const toml::node* node = key.empty() ? nullptr : as_table(node_).get(key);
-  const auto line = (node ? node->source() : as_table(node_).source()).begin.line;
-  return line > 0 ? document_->file + ":" + std::to_string(line) : document_->file;
+  const toml::source_region& source = node ? node->source() : as_table(node_).source();
+  const std::string& file = source.path ? *source.path : document_->file;
+  return source.begin.line > 0 ? file + ":" + std::to_string(source.begin.line) : file;
 }
 
 const void* TomlTable::find(const std::string& key, const char* expected, bool required) {
@@ -166,7 +189,9 @@ std::vector<double> TomlTable::numbers(const std::string& key, std::size_t count
 std::filesystem::path TomlTable::path(const std::string& key) {
   const std::filesystem::path given = text(key);
   if (given.empty()) throw InputError(where(key), name_ + key, "\"\"", "a path");
-  return given.is_absolute() ? given : document_->folder / given;
+  const toml::source_path_ptr& file = as_table(node_).get(key)->source().path;
+  const auto folder = file ? std::filesystem::path(*file).parent_path() : document_->folder;
+  return given.is_absolute() ? given : folder / given;
 }
 
 TomlTable TomlTable::table(const std::string& key) {

@@ -19,6 +19,10 @@ class TomlTable {
   /// `name` stands for the file in messages.
   static TomlTable parse_text(const std::string& text, const std::string& name);
 
+  /// For a table of a whole file: what `file` says takes the place of what stands here, key by key; a table that says
+  /// its kind as a whole. Messages name the file that a value came from.
+  void override_with(const std::filesystem::path& file);
+
   bool has(const std::string& key) const;
   double number(const std::string& key, double lowest, double highest, std::optional<double> fallback = std::nullopt);
   std::int64_t integer(const std::string& key, std::int64_t lowest, std::int64_t highest,

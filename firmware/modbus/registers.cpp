@@ -38,7 +38,8 @@ constexpr Row kTable[] = {
      "6 middle plate seen, 7 low plate seen, 9 over-range (moved further than any trained touch), 10 camera fault, 11 "
      "solver fallback, 15 any fault; others reserved, 0"},
     {1, "fault", Type::kUint16, 1, "code",
-     "0 none, 1 camera lost, 2 markers lost, 3 solver failed, 4 self-test failed"},
+     "0 none, 1 camera lost, 2 markers lost, 3 solver failed, 4 self-test failed, 5 settings or model refused (safe "
+     "mode), 6 failed repeatedly (safe mode)"},
     {2, "heartbeat", Type::kUint16, 1, "", "+1 with every published result, wraps"},
     {3, "age", Type::kUint16, 0.1, "ms", "from exposure to the moment of this read; 65535: no result yet"},
     {4, "latency", Type::kUint16, 0.1, "ms", "from exposure to publication; 65535: no result yet"},

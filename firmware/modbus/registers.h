@@ -26,7 +26,15 @@ enum StatusBit : std::uint16_t {
 };
 
 /// Register 1. Codes are part of the interface: never renumber.
-enum class FaultCode : std::uint16_t { kNone = 0, kCameraLost = 1, kMarkersLost = 2, kSolverFailed = 3, kSelfTest = 4 };
+enum class FaultCode : std::uint16_t {
+  kNone = 0,
+  kCameraLost = 1,
+  kMarkersLost = 2,
+  kSolverFailed = 3,
+  kSelfTest = 4,
+  kSettingsRefused = 5,
+  kFailedRepeatedly = 6
+};
 
 enum class WordOrder : std::uint8_t { kABCD, kCDAB };
 

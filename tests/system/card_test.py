@@ -1,0 +1,245 @@
+#!/usr/bin/python3
+"""scripts/flash and the device's finsight-update, on files that stand for cards and partitions.
+
+usage: card_test.py SOURCE_DIR [unittest arguments]
+"""
+import hashlib
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+from machine import make_update
+
+SOURCE = Path(sys.argv.pop(1))
+ROOT = SOURCE / "boards" / "image" / "rootfs"
+MIB = 1 << 20
+
+
+class Case(unittest.TestCase):
+    def setUp(self):
+        holder = tempfile.TemporaryDirectory()
+        self.addCleanup(holder.cleanup)
+        self.folder = Path(holder.name)
+
+    def run_with(self, words, **environment):
+        return subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=120,
+                              stdin=subprocess.DEVNULL, env={**os.environ, **environment})
+
+
+class Flash(Case):
+    def setUp(self):
+        super().setUp()
+        self.image = self.folder / "image"
+        self.image.write_bytes(random.Random(1).randbytes(24 * MIB))
+        table = "label: gpt\n" + "size=1MiB\n" * 4 + "size=8MiB\n"
+        subprocess.run(["/usr/sbin/sfdisk", "-q", self.image], input=table, text=True, check=True)
+
+    def flash(self, device, *options, **environment):
+        return self.run_with([SOURCE / "scripts" / "flash", *options, self.image, device], **environment)
+
+    def device(self, size):
+        path = self.folder / "device"
+        path.write_bytes(b"\xA5" * size)
+        return path
+
+    def disk(self, name="sdz", where="usb1", **files):
+        """A disk as the system describes it, with a file as its medium: the script is told where to look."""
+        sys_folder, proc = self.folder / "sys", self.folder / "proc"
+        node = sys_folder / "devices" / where / "block" / name
+        for folder in (node / name / "holders", node / "holders", node / "device", sys_folder / "class" / "block",
+                       proc / "self"):
+            folder.mkdir(parents=True)
+        for file, text in {"dev": "8:0", "ro": "0", "removable": "0", "size": str(64 * MIB // 512),
+                           "device/model": "Card", f"{name}/dev": "8:1", **files}.items():
+            (node / file).write_text(text + "\n")
+        (sys_folder / "class" / "block" / name).symlink_to(node)
+        (proc / "self" / "mountinfo").write_text("30 1 254:0 / / rw - ext4 /dev/root rw\n")
+        (proc / "swaps").write_text("Filename Type Size Used Priority\n")
+        fake = self.folder / name
+        if not fake.exists():
+            os.mkfifo(fake)  # neither file nor disk, so that nothing could be written by mistake
+        return fake, {"FINSIGHT_SYS": str(sys_folder), "FINSIGHT_PROC": str(proc)}, node
+
+    def test_a_card_holds_the_image_and_the_last_partition_fills_it(self):
+        card = self.device(64 * MIB)
+        answer = self.flash(card, "--yes")
+        self.assertEqual(answer.returncode, 0, answer.stderr)
+        written = card.read_bytes()
+        self.assertEqual(written[MIB:23 * MIB], self.image.read_bytes()[MIB:23 * MIB])
+        table = subprocess.run(["/usr/sbin/sfdisk", "-J", card], capture_output=True, text=True, check=True).stdout
+        self.assertIn('"size": 12', table)  # of 12xxxx sectors in all, the last partition has the rest
+        check = subprocess.run(["/usr/sbin/sfdisk", "--verify", card], capture_output=True, text=True)
+        self.assertIn("No errors", check.stdout)
+
+    def test_without_a_yes_nothing_is_written(self):
+        card = self.device(64 * MIB)
+        self.assertEqual(self.flash(card).returncode, 2)
+        self.assertEqual(card.read_bytes(), b"\xA5" * 64 * MIB)
+
+    def test_a_small_device_is_refused(self):
+        answer = self.flash(self.device(8 * MIB), "--yes")
+        self.assertEqual(answer.returncode, 2)
+        self.assertIn("holds 8 MB, the image has 24 MB", answer.stderr)
+
+    def test_what_is_not_an_image_is_refused(self):
+        self.image.write_bytes(b"\0" * 4 * MIB)
+        answer = self.flash(self.device(64 * MIB), "--yes")
+        self.assertEqual((answer.returncode, "not an image" in answer.stderr), (2, True), answer.stderr)
+
+    def test_disks_in_use_or_built_in_are_refused(self):
+        cases = [({"where": "pci0"}, {}, "built-in disk"),
+                 ({"ro": "1"}, {}, "write-protected"),
+                 ({"partition": "1"}, {}, "name the whole disk"),
+                 ({}, {"self/mountinfo": "31 1 8:1 / /media/card rw - vfat /dev/sdz1 rw\n"}, "mounted at /media/card"),
+                 ({}, {"self/mountinfo": "31 1 8:0 / / rw - ext4 /dev/sdz rw\n"}, "mounted at /"),
+                 ({}, {"swaps": "Filename Type Size Used Priority\n/dev/sdz partition 1 0 -2\n"}, "used as swap")]
+        for files, proc, reason in cases:
+            with self.subTest(reason):
+                fake, environment, _ = self.disk(**files)
+                for name, text in proc.items():
+                    (self.folder / "proc" / name).write_text(text)
+                answer = self.flash(fake, "--yes", **environment)
+                self.assertEqual(answer.returncode, 2)
+                self.assertIn(reason, answer.stderr)
+                subprocess.run(["rm", "-rf", self.folder / "sys", self.folder / "proc"], check=True)
+
+    def test_a_disk_under_a_volume_is_refused(self):
+        fake, environment, node = self.disk()
+        (node / "sdz" / "holders" / "dm-0").touch()
+        self.assertIn("used by dm-0", self.flash(fake, "--yes", **environment).stderr)
+
+    def test_an_interrupted_card_is_empty(self):
+        card = self.device(64 * MIB)
+        process = subprocess.Popen([SOURCE / "scripts" / "flash", "--yes", self.image, card], start_new_session=True,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        while card.read_bytes()[:1] == b"\xA5" and process.poll() is None:
+            time.sleep(0.001)
+        os.killpg(process.pid, signal.SIGINT)
+        errors = process.communicate(timeout=30)[1]
+        if process.returncode == 0:
+            self.skipTest("written before the interruption came")
+        self.assertEqual(process.returncode, 1, errors)
+        self.assertEqual(card.read_bytes()[:MIB], b"\0" * MIB)
+
+
+class Update(Case):
+    def setUp(self):
+        super().setUp()
+        self.key, self.public = self.folder / "key.pem", self.folder / "key.pub"
+        subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out", self.key], check=True)
+        subprocess.run(["openssl", "pkey", "-in", self.key, "-pubout", "-out", self.public], check=True)
+        self.old, self.new = (random.Random(n).randbytes(3 * MIB + 4096 * n) for n in (1, 2))
+        (self.folder / "slot-a").write_bytes(self.old.ljust(4 * MIB, b"\0"))
+        (self.folder / "slot-b").write_bytes(self.old.ljust(4 * MIB, b"\0"))
+        record = b"# GRUB Environment Block\nslot=a\nleft=iiiiiiii\nspare=1\ntrial=0\n".ljust(1024, b"#")
+        (self.folder / "env").write_bytes((b"\0" * 8192 + record).ljust(MIB, b"\0"))
+        (self.folder / "cmdline").write_text("BOOT_IMAGE=/boot/vmlinuz finsight.slot=a ro quiet\n")
+        (self.folder / "release").write_text("board=rpi4\nversion=1\nid=old\n")
+        self.environment = {"FINSIGHT_DEVICES": str(self.folder), "FINSIGHT_CMDLINE": str(self.folder / "cmdline"),
+                            "FINSIGHT_LIB": str(ROOT / "usr/lib/finsight"), "FINSIGHT_KEY": str(self.public),
+                            "FINSIGHT_RELEASE": str(self.folder / "release")}
+        self.file = self.folder / "finsight-2.update"
+
+    def make(self, payload=None, key=None, board="rpi4", identity="new"):
+        make_update(self.file, payload or self.new, key or self.key, board, "2", identity)
+
+    def update(self):
+        return self.run_with(["sh", ROOT / "usr/sbin/finsight-update", self.file], **self.environment)
+
+    def slots(self, word):
+        return self.run_with(["sh", ROOT / "usr/lib/finsight/slots", word], **self.environment)
+
+    def record(self):
+        block = (self.folder / "env").read_bytes()[8192:9216]
+        self.assertTrue(block.startswith(b"# GRUB Environment Block\n"), block)
+        self.assertEqual(set(block.rstrip(b"#").split(b"\n")[-1]), set())
+        return dict(line.split("=") for line in block.decode().split("#")[1].splitlines() if "=" in line)
+
+    def test_a_good_update_is_written_to_the_other_slot_and_starts_next(self):
+        self.make()
+        answer = self.update()
+        self.assertEqual(answer.returncode, 0, answer.stderr)
+        self.assertEqual(self.record(), {"slot": "b", "left": "iii", "spare": "1", "trial": "1"})
+        self.assertTrue((self.folder / "slot-b").read_bytes().startswith(self.new))
+        self.assertTrue((self.folder / "slot-a").read_bytes().startswith(self.old))
+        self.assertEqual((self.folder / "env").stat().st_size, MIB)
+
+    def test_what_is_not_ours_is_refused_and_nothing_is_written(self):
+        other = self.folder / "other.pem"
+        subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out", other], check=True)
+        before = (self.folder / "env").read_bytes(), (self.folder / "slot-b").read_bytes()
+
+        def changed(at):
+            self.make()
+            content = bytearray(self.file.read_bytes())
+            content[at] ^= 1
+            self.file.write_bytes(content)
+
+        cases = [(lambda: self.make(key=other), "signature"), (lambda: self.make(board="qemu-virt"), "for board"),
+                 (lambda: changed(50), "signature"), (lambda: changed(1030), "signature"),
+                 (lambda: changed(2 * MIB), "is damaged"), (lambda: self.make(payload=b"x" * 5 * MIB), "larger"),
+                 (lambda: self.file.write_bytes(b"hello"), "not a Finsight update"),
+                 (lambda: self.file.write_bytes(self.file.read_bytes()[:-1]), "is not complete")]
+        for make, reason in cases:
+            with self.subTest(reason):
+                if reason == "is not complete":
+                    self.make()
+                make()
+                answer = self.update()
+                self.assertEqual(answer.returncode, 2, answer.stdout + answer.stderr)
+                self.assertIn(reason, answer.stderr)
+                self.assertEqual(((self.folder / "env").read_bytes(), (self.folder / "slot-b").read_bytes()), before)
+
+    def test_the_running_version_is_left_alone(self):
+        self.make(identity="old")
+        self.assertEqual(self.update().returncode, 3)
+        self.assertEqual(self.record()["slot"], "a")
+
+    def test_killed_anywhere_the_slot_that_starts_is_complete(self):
+        self.make()
+        began = time.monotonic()
+        self.assertEqual(self.update().returncode, 0)
+        whole = time.monotonic() - began
+        chance = random.Random(3)
+        switched = 0
+        for _ in range(40):
+            self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put a iiiiiiii 1 0'], **self.environment)
+            (self.folder / "slot-b").write_bytes(self.old.ljust(4 * MIB, b"\0"))
+            process = subprocess.Popen(["sh", ROOT / "usr/sbin/finsight-update", self.file], start_new_session=True,
+                                       env={**os.environ, **self.environment}, stdout=subprocess.DEVNULL,
+                                       stderr=subprocess.DEVNULL)
+            time.sleep(chance.uniform(0, 1.2 * whole))
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            record = self.record()
+            held = (self.folder / f"slot-{record['slot']}").read_bytes()
+            wanted = self.new if record["slot"] == "b" else self.old
+            self.assertEqual(hashlib.sha256(held[:len(wanted)]).digest(), hashlib.sha256(wanted).digest())
+            switched += record["slot"] == "b"
+        self.assertGreater(switched, 0)
+        self.assertLess(switched, 40)
+
+    def test_starts_are_filled_up_when_healthy_and_taken_when_an_update_is_sick(self):
+        put = '. "$FINSIGHT_LIB/slots"; slots_put'
+        bin_folder = self.folder / "bin"
+        bin_folder.mkdir()
+        (bin_folder / "systemctl").write_text(f'#!/bin/sh\necho "$@" >>{self.folder}/asked\n')
+        (bin_folder / "systemctl").chmod(0o755)
+        self.environment["PATH"] = f"{bin_folder}:{os.environ['PATH']}"
+        self.run_with(["sh", "-c", f"{put} a i 1 1"], **self.environment)
+        self.assertEqual(self.slots("trial-over").returncode, 0)
+        self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "1"})
+        self.assertEqual((self.folder / "asked").read_text(), "reboot\n")
+        self.run_with(["sh", "-c", f"{put} a ii 1 0"], **self.environment)
+        self.slots("trial-over")
+        self.assertEqual(self.record()["left"], "ii")
+
+
+if __name__ == "__main__":
+    unittest.main()

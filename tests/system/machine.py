@@ -1,0 +1,199 @@
+"""An emulated board (QEMU, 64-bit ARM, UEFI) that starts a card's image, with hands: power, sticks, settings, a shell.
+
+The image is the one that users get. The shell comes from outside: systemd takes further units from the owner of a
+virtual machine (SMBIOS strings), and this one adds a root shell on a virtual serial port.
+"""
+import base64
+import os
+import shutil
+import socket
+import struct
+import subprocess
+import time
+from pathlib import Path
+
+FIRMWARE = "/usr/share/AAVMF/AAVMF_CODE.fd"
+TEST_CONSTANT = 0x1234  # register 39
+SHELL_UNIT = """[Unit]
+DefaultDependencies=no
+[Service]
+ExecStart=/bin/sh
+StandardInput=tty-force
+StandardOutput=inherit
+StandardError=inherit
+TTYPath=/dev/hvc0
+Restart=always
+"""
+SHELL_WANT = "[Unit]\nWants=test-shell.service\n"
+
+
+def credential(name, text):
+    return f"io.systemd.credential.binary:{name}=" + base64.b64encode(text.encode()).decode()
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def read_registers(port, count=48, timeout=3):
+    """The measurement block, or None when nobody answers. One connection per call, as nothing is kept over a power cut."""
+    try:
+        with socket.create_connection(("127.0.0.1", port), timeout) as client:
+            client.settimeout(timeout)
+            client.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, 0, count))
+            answer = b""
+            while len(answer) < 9 + 2 * count:
+                part = client.recv(512)
+                if not part:
+                    return None
+                answer += part
+        return struct.unpack(f">{count}H", answer[9:9 + 2 * count])
+    except OSError:
+        return None
+
+
+class Machine:
+    """A board with one card. `start` and `cut_power` may be called again and again."""
+
+    def __init__(self, card, folder, card_format="raw", extra=()):
+        self.card, self.format, self.extra = Path(card), card_format, list(extra)
+        self.folder = Path(folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.process = None
+        for name, text in (("unit", credential("systemd.extra-unit.test-shell.service", SHELL_UNIT)),
+                           ("want", credential("systemd.unit-dropin.multi-user.target", SHELL_WANT))):
+            (self.folder / name).write_text(text)
+
+    def command(self, *more):
+        sock = lambda name: f"socket,id={name},path={self.folder}/{name}.sock,server=on,wait=off"
+        return ["qemu-system-aarch64", "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-smp", "2", "-m", "768",
+                "-accel", "tcg,thread=multi", "-nographic", "-nodefaults",
+                "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
+                "-drive", f"if=none,id=card,file={self.card},format={self.format}",
+                "-device", "virtio-blk-pci,drive=card,bootindex=0",
+                "-netdev", f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{self.port}-:502",
+                "-device", "virtio-net-pci,netdev=net,romfile=",
+                "-device", "virtio-serial-pci", "-chardev", sock("shell"), "-device", "virtconsole,chardev=shell",
+                "-device", "i6300esb", "-device", "virtio-rng-pci", "-device", "qemu-xhci,id=usb",
+                "-smbios", f"type=11,path={self.folder}/unit", "-smbios", f"type=11,path={self.folder}/want",
+                "-chardev", sock("monitor"), "-mon", "chardev=monitor",
+                "-chardev", f"file,id=console,path={self.folder}/console.log", "-serial", "chardev:console",
+                *self.extra, *more]
+
+    def start(self, *more):
+        self.port = free_port()
+        for stale in self.folder.glob("*.sock"):
+            stale.unlink()
+        self.errors = open(self.folder / "qemu.log", "w")
+        self.process = subprocess.Popen([str(w) for w in self.command(*more)], stderr=self.errors, stdout=self.errors,
+                                        stdin=subprocess.DEVNULL)
+        self.switched_on = time.monotonic()
+
+    def cut_power(self):
+        if self.process:
+            self.process.kill()
+            self.process.wait()
+            self.errors.close()
+            self.process = None
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.cut_power()
+
+    def wait_registers(self, accept=lambda words: True, limit_s=900):
+        """Seconds from power to the first block that is acceptable, and the block."""
+        while time.monotonic() - self.switched_on < limit_s:
+            assert self.process.poll() is None, "qemu ended: " + (self.folder / "qemu.log").read_text()
+            words = read_registers(self.port)
+            if words and words[39] == TEST_CONSTANT and accept(words):
+                return time.monotonic() - self.switched_on, words
+            time.sleep(0.2)
+        raise TimeoutError(f"no such registers within {limit_s} s; the console says:\n" + self.console()[-3000:])
+
+    def console(self):
+        return (self.folder / "console.log").read_text(errors="replace").replace("\r", "")
+
+    def monitor(self, line):
+        """One command to QEMU itself; its answer."""
+        with socket.socket(socket.AF_UNIX) as client:
+            client.settimeout(120)
+            client.connect(str(self.folder / "monitor.sock"))
+            self.read_until(client, b"(qemu) ")
+            client.sendall(line.encode() + b"\n")
+            return self.read_until(client, b"(qemu) ").decode(errors="replace")
+
+    def shell(self, command, limit_s=300):
+        """Runs a command as root in the guest: (exit status, output)."""
+        end = f"end-{time.monotonic_ns()}"
+        with socket.socket(socket.AF_UNIX) as client:
+            client.settimeout(limit_s)
+            client.connect(str(self.folder / "shell.sock"))
+            # The shell echoes what it is told, so the mark is put together only by what it runs.
+            client.sendall(f"stty -echo cols 200; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
+                           f"echo begin-''{end}; {command}\n"
+                           f"echo \"$? {end[:3]}\"'{end[3:]}'\n".encode())
+            text = self.read_until(client, f" {end}\n".encode()).decode(errors="replace").replace("\r", "")
+        text = text.split(f"begin-{end}\n")[-1]
+        output, _, last = text.rstrip("\n").rpartition("\n")
+        return int(last.split()[0].lstrip("#$ ")), output
+
+    @staticmethod
+    def read_until(client, mark):
+        text = b""
+        while not text.replace(b"\r", b"").endswith(mark):
+            part = client.recv(65536)
+            if not part:
+                raise ConnectionError("the guest's end was closed: " + text[-500:].decode(errors="replace"))
+            text += part
+        return text.replace(b"\r", b"")
+
+    def wait_up(self, limit_s=900):
+        """Until the device counts itself healthy (or stays in safe mode): from then on it takes updates."""
+        end = time.monotonic() + limit_s
+        while self.shell("[ -e /run/finsight/up ]")[0] != 0:
+            if time.monotonic() > end:
+                raise TimeoutError("never healthy:\n" + self.console()[-2000:])
+            time.sleep(1)
+
+    def plug_stick(self, image, name="stick"):
+        self.monitor(f"drive_add 0 if=none,id={name},file={image},format=raw")
+        self.monitor(f"device_add usb-storage,id=usb-{name},drive={name}")
+
+    def pull_stick(self, name="stick"):
+        self.monitor(f"device_del usb-{name}")
+
+
+def make_stick(image, files):
+    """A FAT-formatted USB stick with these files at its root."""
+    size = sum(Path(f).stat().st_size for f in files) + (8 << 20)
+    with open(image, "wb") as out:
+        out.truncate((size + 0xFFFFF) & ~0xFFFFF)
+    subprocess.run(["mformat", "-i", image, "-F", "::"], check=True)
+    for file in files:
+        subprocess.run(["mcopy", "-i", image, file, "::/"], check=True)
+
+
+def write_settings(card, text):
+    """Puts a settings file onto the card's boot partition, as a user does on a computer."""
+    file = Path(str(card) + ".toml")
+    file.write_text(text)
+    subprocess.run(["mcopy", "-o", "-i", f"{card}@@1M", file, "::/finsight.toml"], check=True)
+
+
+def copy_card(image, card):
+    subprocess.run(["cp", "--sparse=always", image, card], check=True)
+
+
+def make_update(file, payload, key, board, version, identity):
+    """A signed update of any content: what scripts/image makes, for content that it would never make."""
+    import hashlib
+    text = (f"finsight-update=1\nboard={board}\nversion={version}\nid={identity}\nsize={len(payload)}\n"
+            f"sha256={hashlib.sha256(payload).hexdigest()}\n").encode().ljust(1024, b"\n")
+    Path(file).with_suffix(".text").write_bytes(text)
+    signature = subprocess.run(["openssl", "pkeyutl", "-sign", "-inkey", key, "-rawin", "-in",
+                                Path(file).with_suffix(".text")], check=True, capture_output=True).stdout
+    Path(file).write_bytes((text + signature).ljust(4096, b"\0") + payload)
