@@ -25,19 +25,22 @@ struct Schedule {
   ShapeSettings settings;
 };
 
+// Far more steps than it takes: further ones change nothing above rounding.
+constexpr ShapeSettings kConverged{ShapeSettings::Tier::kNewton, 10, 5};
+
 std::vector<Schedule> schedules() {
   using Tier = ShapeSettings::Tier;
   std::vector<Schedule> list = {{"map", {Tier::kMap, 1, 0}}, {"map+newton", {Tier::kMapAndNewton, 1, 0}}};
   for (const int factorisations : {1, 2, 3, 5}) list.push_back({"newton", {Tier::kNewton, factorisations, 0}});
   for (const int chords : {1, 2}) list.push_back({"newton", {Tier::kNewton, 1, chords}});
+  list.push_back({"converged", kConverged});
   return list;
 }
 
 using Shapes = std::vector<std::vector<float>>;
 
-/// Shapes after far more steps than it takes: further ones change nothing above rounding.
 Shapes converged(const Model& model, const PlateMotionPath& motion) {
-  ShapeStage stage(model, {ShapeSettings::Tier::kNewton, 10, 5});
+  ShapeStage stage(model, kConverged);
   Shapes shapes;
   for (const PlatePoses& poses : motion.frames) {
     if (interrupted()) throw Interrupted();
