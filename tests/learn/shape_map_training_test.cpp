@@ -105,7 +105,7 @@ TEST_CASE("shape map: the basis is orthonormal and spans what a dense singular v
   const Eigen::MatrixXf basis =
       Eigen::Map<const Eigen::Matrix<float, -1, -1, Eigen::RowMajor>>(map.basis.data(), rank, size);
   CHECK((basis * basis.transpose() - Eigen::MatrixXf::Identity(rank, rank)).norm() < 1e-4f);
-  const Eigen::BDCSVD<Eigen::MatrixXf> svd(displacement, Eigen::ComputeThinV);
+  const Eigen::JacobiSVD<Eigen::MatrixXf> svd(displacement, Eigen::ComputeThinV);
   for (int r = 0; r < rank; ++r) CHECK(std::abs(basis.row(r).dot(svd.matrixV().col(r))) > 0.999f);
 }
 

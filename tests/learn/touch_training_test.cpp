@@ -27,7 +27,7 @@ TouchTraining train(int steps) {
 }
 
 const TouchTraining& trained() {
-  static const TouchTraining training = train(700);
+  static const TouchTraining training = train(600);
   return training;
 }
 
@@ -60,17 +60,17 @@ Statistics measure_many(const std::array<bool, kPlates>& seen) {
   Random random(77);
   Statistics result;
   int count = 0;
-  while (count < 1500) {
+  while (count < 1000) {
     const Measured measured = measure(random, seen);
     const Touch& touch = stage.locate(measured.poses);
     if (touch.quality != Quality::kFresh) continue;
     const double error_mm = double((touch.point_mm - measured.truth.point_mm).norm());
-    result.mean_error_mm += error_mm / 1500;
-    result.mean_radius_mm += double(touch.radius_68_mm) / 1500;
-    result.inside += (error_mm <= double(touch.radius_68_mm)) / 1500.0;
-    result.inside_twice += (error_mm <= 2 * double(touch.radius_68_mm)) / 1500.0;
-    result.contact_mm += double((touch.contact_mm - measured.truth.contact_mm).norm()) / 1500;
-    result.force_n += double(std::abs(touch.force_n - measured.truth.force_n)) / 1500;
+    result.mean_error_mm += error_mm / 1000;
+    result.mean_radius_mm += double(touch.radius_68_mm) / 1000;
+    result.inside += (error_mm <= double(touch.radius_68_mm)) / 1000.0;
+    result.inside_twice += (error_mm <= 2 * double(touch.radius_68_mm)) / 1000.0;
+    result.contact_mm += double((touch.contact_mm - measured.truth.contact_mm).norm()) / 1000;
+    result.force_n += double(std::abs(touch.force_n - measured.truth.force_n)) / 1000;
     ++count;
   }
   return result;

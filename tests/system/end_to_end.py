@@ -111,7 +111,7 @@ class WholePath(unittest.TestCase):
                 rows = list(csv.reader(file))
             # Latency (register 4) is the one word that depends on the machine's speed.
             blocks.append([row[:4] + row[5:] for row in rows])
-        self.assertGreater(len(blocks[0]), 600)
+        self.assertGreater(len(blocks[0]), 400, "most of 480 frames")
         self.assertEqual(blocks[0], blocks[1])
 
 
@@ -230,10 +230,12 @@ def prepare():
     WORK.mkdir(exist_ok=True)
     newest = max((BINARIES / "hostgen").stat().st_mtime, SPEC.stat().st_mtime)
     if not PACK.exists() or PACK.stat().st_mtime < newest:
-        subprocess.run([BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--profile", "quick"], check=True)
+        # A third of the quick profile's states: enough for the path; scripts/demo measures the quick profile itself.
+        subprocess.run([BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--points", "36", "--forces", "4",
+                        "--training-steps", "6000"], check=True)
     if not SESSION.exists() or SESSION.stat().st_mtime < newest:
-        subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", SESSION, "--size", "640x480", "--seed", "7"],
-                       check=True)
+        subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", SESSION, "--size", "640x480", "--seconds", "8",
+                        "--seed", "7"], check=True)
 
 
 if __name__ == "__main__":
