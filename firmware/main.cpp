@@ -72,6 +72,8 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments.settings.empty() ? std::nullopt : std::optional(arguments);
 }
 
+void print_news(const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); }
+
 /// What the pictures are seen through; nothing where there are none.
 std::optional<CameraModel> lens_of(const Settings& settings, const Model& model) {
   if (settings.source == Settings::Source::kCamera) return settings.lens;
@@ -92,8 +94,7 @@ std::unique_ptr<Camera> open_camera(const Settings& settings) {
     case Settings::Source::kCamera:
       break;
   }
-  return open_live_camera(settings.live,
-                          [](const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); });
+  return open_live_camera(settings.live, print_news);
 }
 
 /// The digital outputs, if the board has any: safe until the first frame, on faults, at exit, and when we crash.
@@ -186,7 +187,7 @@ int serve_fault(const Arguments& arguments) {
   } catch (const std::exception& error) {
     std::fprintf(stderr, "finsightd: %s\n", error.what());
   }
-  ModbusServer server(modbus);
+  ModbusServer server(modbus, print_news);
   std::fprintf(stderr, "finsightd: SAFE MODE, fault %d; Modbus TCP on %s:%d\n", static_cast<int>(state.fault),
                modbus.address.c_str(), server.port());
   Supervisor().ready();
@@ -225,7 +226,7 @@ int start(const Arguments& arguments) {
   const auto camera = open_camera(settings);
   if (arguments.check) return 0;
   Outputs outputs(settings.gpio);
-  ModbusServer server(settings.modbus);
+  ModbusServer server(settings.modbus, print_news);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
