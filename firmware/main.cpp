@@ -175,7 +175,8 @@ bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs
 
 /// The firmware cannot work: clients see why. Needs no model and no camera, and settings only as far as they are good.
 int serve_fault(const Arguments& arguments) {
-  ModbusSettings modbus{.address = "0.0.0.0", .port = 502};
+  ModbusSettings modbus;
+  modbus.address = "0.0.0.0";
   LoopState state;
   state.fault = *arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
   std::optional<Outputs> outputs;  // stay safe from their opening on
