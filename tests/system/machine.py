@@ -66,8 +66,14 @@ class Machine:
                            ("want", credential("systemd.unit-dropin.multi-user.target", SHELL_WANT))):
             (self.folder / name).write_text(text)
 
+    def chardev(self, name):
+        return f"socket,id={name},path={self.folder}/{name}.sock,server=on,wait=off"
+
+    def camera_port(self):
+        """For start(): a USB port for a UsbCamera on camera.sock in our folder."""
+        return ["-chardev", self.chardev("camera"), "-device", "usb-redir,chardev=camera"]
+
     def command(self, *more):
-        sock = lambda name: f"socket,id={name},path={self.folder}/{name}.sock,server=on,wait=off"
         return ["qemu-system-aarch64", "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-smp", "2", "-m", "768",
                 "-accel", "tcg,thread=multi", "-nographic", "-nodefaults",
                 "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
@@ -75,10 +81,11 @@ class Machine:
                 "-device", "virtio-blk-pci,drive=card,bootindex=0",
                 "-netdev", f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{self.port}-:502",
                 "-device", "virtio-net-pci,netdev=net,romfile=",
-                "-device", "virtio-serial-pci", "-chardev", sock("shell"), "-device", "virtconsole,chardev=shell",
+                "-device", "virtio-serial-pci",
+                "-chardev", self.chardev("shell"), "-device", "virtconsole,chardev=shell",
                 "-device", "i6300esb", "-device", "virtio-rng-pci", "-device", "qemu-xhci,id=usb",
                 "-smbios", f"type=11,path={self.folder}/unit", "-smbios", f"type=11,path={self.folder}/want",
-                "-chardev", sock("monitor"), "-mon", "chardev=monitor",
+                "-chardev", self.chardev("monitor"), "-mon", "chardev=monitor",
                 "-chardev", f"file,id=console,path={self.folder}/console.log", "-serial", "chardev:console",
                 *self.extra, *more]
 
