@@ -74,7 +74,9 @@ class Machine:
         return ["-chardev", self.chardev("camera"), "-device", "usb-redir,chardev=camera"]
 
     def command(self, *more):
-        return ["qemu-system-aarch64", "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-smp", "2", "-m", "768",
+        # With ACPI the machine has no GPIO lines, so it describes itself by device tree.
+        return ["qemu-system-aarch64", "-M", "virt,gic-version=3,acpi=off", "-cpu", "cortex-a72", "-smp", "2",
+                "-m", "768",
                 "-accel", "tcg,thread=multi", "-nographic", "-nodefaults",
                 "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
                 "-drive", f"if=none,id=card,file={self.card},format={self.format}",
@@ -124,11 +126,22 @@ class Machine:
     def console(self):
         return (self.folder / "console.log").read_text(errors="replace").replace("\r", "")
 
+    def connect(self, client, name, limit_s=60):
+        """QEMU makes its sockets a moment after its start."""
+        end = time.monotonic() + limit_s
+        while True:
+            try:
+                return client.connect(str(self.folder / name))
+            except OSError:
+                if time.monotonic() > end or self.process.poll() is not None:
+                    raise
+                time.sleep(0.1)
+
     def monitor(self, line):
         """One command to QEMU itself; its answer."""
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(120)
-            client.connect(str(self.folder / "monitor.sock"))
+            self.connect(client, "monitor.sock")
             self.read_until(client, b"(qemu) ")
             client.sendall(line.encode() + b"\n")
             return self.read_until(client, b"(qemu) ").decode(errors="replace")
@@ -138,15 +151,15 @@ class Machine:
         end = f"end-{time.monotonic_ns()}"
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(limit_s)
-            client.connect(str(self.folder / "shell.sock"))
+            self.connect(client, "shell.sock")
             # The shell echoes what it is told, so the mark is put together only by what it runs.
-            client.sendall(f"stty -echo cols 200; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
+            client.sendall(f"stty -echo cols 200; PS1=; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
                            f"echo begin-''{end}; {command}\n"
                            f"echo \"$? {end[:3]}\"'{end[3:]}'\n".encode())
             text = self.read_until(client, f" {end}\n".encode()).decode(errors="replace").replace("\r", "")
         text = text.split(f"begin-{end}\n")[-1]
         output, _, last = text.rstrip("\n").rpartition("\n")
-        return int(last.split()[0].lstrip("#$ ")), output
+        return int(last.split()[-2]), output
 
     @staticmethod
     def read_until(client, mark):
