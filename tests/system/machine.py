@@ -5,10 +5,11 @@ virtual machine (SMBIOS strings), and this one adds a root shell on a virtual se
 """
 import base64
 import os
-import shutil
+import signal
 import socket
 import struct
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -108,6 +109,7 @@ class Machine:
             self.process = None
 
     def __enter__(self):
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that __exit__ is reached
         return self
 
     def __exit__(self, *_):
