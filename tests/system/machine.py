@@ -74,7 +74,9 @@ class Machine:
         return ["-chardev", self.chardev("camera"), "-device", "usb-redir,chardev=camera"]
 
     def command(self, *more):
-        return ["qemu-system-aarch64", "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-smp", "2", "-m", "768",
+        # With ACPI the machine has no GPIO lines, so it describes itself by device tree.
+        return ["qemu-system-aarch64", "-M", "virt,gic-version=3,acpi=off", "-cpu", "cortex-a72", "-smp", "2",
+                "-m", "768",
                 "-accel", "tcg,thread=multi", "-nographic", "-nodefaults",
                 "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
                 "-drive", f"if=none,id=card,file={self.card},format={self.format}",
