@@ -142,13 +142,13 @@ class Machine:
             client.settimeout(limit_s)
             client.connect(str(self.folder / "shell.sock"))
             # The shell echoes what it is told, so the mark is put together only by what it runs.
-            client.sendall(f"stty -echo cols 200; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
+            client.sendall(f"stty -echo cols 200; PS1=; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
                            f"echo begin-''{end}; {command}\n"
                            f"echo \"$? {end[:3]}\"'{end[3:]}'\n".encode())
             text = self.read_until(client, f" {end}\n".encode()).decode(errors="replace").replace("\r", "")
         text = text.split(f"begin-{end}\n")[-1]
         output, _, last = text.rstrip("\n").rpartition("\n")
-        return int(last.split()[0].lstrip("#$ ")), output
+        return int(last.split()[-2]), output
 
     @staticmethod
     def read_until(client, mark):
