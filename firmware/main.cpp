@@ -1,6 +1,7 @@
 // finsightd: settings -> model -> self-test -> loop. The only catch-all of the firmware.
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -10,6 +11,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "firmware/appliance.h"
@@ -149,14 +151,20 @@ class RegisterLog {
   std::vector<std::array<std::uint16_t, kMeasurementRegisters>> blocks_;
 };
 
+/// Without a frame for so long, clients hear of a fault: six frame times at 60 frames/s, three at slow cameras.
+int frame_timeout_ms(const Settings& settings) {
+  const bool is_live = settings.source == Settings::Source::kCamera;
+  return std::max(100, is_live ? static_cast<int>(3000 / settings.live.frames_per_second) : 0);
+}
+
 /// Frames in, registers and outputs out, until the recording ends or a signal comes. False: the outputs failed.
-bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
+bool run(Camera& camera, int timeout_ms, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
   Supervisor supervisor;
   supervisor.ready();
-  constexpr int kFrameTimeoutMs = 100;  // six frame times at 60 frames/s: the camera has stalled
+  std::uint32_t openings = 0;
   while (!stop_requested) {
     Frame frame;
-    if (camera.next(frame, kFrameTimeoutMs)) {
+    if (camera.next(frame, timeout_ms)) {
       const RegisterImage& image = loop.step(frame);
       server.publish(image);
       supervisor.alive(steady_now_ns());
@@ -165,8 +173,12 @@ bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs
     } else if (camera.ended()) {
       break;
     } else {
-      const RegisterImage& image = loop.step_without_frame(steady_now_ns());
+      const std::int64_t now_ns = steady_now_ns();
+      const RegisterImage& image = loop.step_without_frame(now_ns);
       server.publish(image);
+      // A camera that is missing is looked for; a restart would not bring it, only cut the clients off.
+      const std::uint32_t before = std::exchange(openings, camera.counts().openings);
+      if (openings != before) supervisor.alive(now_ns);
       if (!outputs.set(image)) return false;
     }
   }
@@ -231,7 +243,8 @@ int start(const Arguments& arguments) {
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
-  if (!run(*camera, loop, server, outputs, log)) throw std::runtime_error("gpio: the outputs cannot be set any more");
+  if (!run(*camera, frame_timeout_ms(settings), loop, server, outputs, log))
+    throw std::runtime_error("gpio: the outputs cannot be set any more");
   log.write();
   const CameraCounts counts = camera->counts();
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
