@@ -191,7 +191,7 @@ class Machine:
 
 def make_stick(image, files):
     """A FAT-formatted USB stick with these files at its root."""
-    size = sum(Path(f).stat().st_size for f in files) + (8 << 20)
+    size = sum(Path(f).stat().st_size for f in files) + (48 << 20)  # FAT32 begins at about 33 MB
     with open(image, "wb") as out:
         out.truncate((size + 0xFFFFF) & ~0xFFFFF)
     subprocess.run(["mformat", "-i", image, "-F", "::"], check=True)
