@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <thread>
@@ -44,25 +45,22 @@ constexpr const char* kUsage =
 std::atomic<bool> stop_requested{false};
 
 struct Arguments {
-  std::string settings, user, registers, network;
-  std::optional<std::string> safe_mode;
+  std::string settings, user, registers, network, safe_mode;
   bool check = false, safe_outputs = false;
 };
 
 std::optional<Arguments> parse(int argc, char** argv) {
   Arguments arguments;
+  const std::pair<const char*, std::string*> valued[] = {{"--settings", &arguments.settings},
+                                                         {"--user", &arguments.user},
+                                                         {"--registers", &arguments.registers},
+                                                         {"--network", &arguments.network},
+                                                         {"--safe-mode", &arguments.safe_mode}};
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
-    if (word == "--settings" && i + 1 < argc) {
-      arguments.settings = argv[++i];
-    } else if (word == "--user" && i + 1 < argc) {
-      arguments.user = argv[++i];
-    } else if (word == "--network" && i + 1 < argc) {
-      arguments.network = argv[++i];
-    } else if (word == "--safe-mode" && i + 1 < argc) {
-      arguments.safe_mode = argv[++i];
-    } else if (word == "--registers" && i + 1 < argc) {
-      arguments.registers = argv[++i];
+    const auto option = std::find_if(std::begin(valued), std::end(valued), [&](auto& v) { return word == v.first; });
+    if (option != std::end(valued) && i + 1 < argc && *argv[i + 1]) {
+      *option->second = argv[++i];
     } else if (word == "--check") {
       arguments.check = true;
     } else if (word == "--safe-outputs") {
@@ -187,10 +185,9 @@ bool run(Camera& camera, int timeout_ms, FrameLoop& loop, ModbusServer& server, 
 
 /// The firmware cannot work: clients see why. Needs no model and no camera, and settings only as far as they are good.
 int serve_fault(const Arguments& arguments) {
-  ModbusSettings modbus;
-  modbus.address = "0.0.0.0";
+  ModbusSettings modbus{.address = "0.0.0.0", .port = 502};
   LoopState state;
-  state.fault = *arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
+  state.fault = arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
   std::optional<Outputs> outputs;  // stay safe from their opening on
   try {
     const Settings settings = read_settings(arguments.settings, arguments.user);
@@ -198,7 +195,7 @@ int serve_fault(const Arguments& arguments) {
     state.word_order = settings.loop.word_order;
     outputs.emplace(settings.gpio);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "finsightd: %s\n", error.what());
+    print_news(error.what());
   }
   ModbusServer server(modbus, print_news);
   std::fprintf(stderr, "finsightd: SAFE MODE, fault %d; Modbus TCP on %s:%d\n", static_cast<int>(state.fault),
@@ -224,7 +221,7 @@ int write_network(const Arguments& arguments) {
 }
 
 int start(const Arguments& arguments) {
-  if (arguments.safe_mode) return serve_fault(arguments);
+  if (!arguments.safe_mode.empty()) return serve_fault(arguments);
   if (!arguments.network.empty()) return write_network(arguments);
   const Settings settings = read_settings(arguments.settings, arguments.user);
   if (arguments.safe_outputs) {
@@ -250,7 +247,7 @@ int start(const Arguments& arguments) {
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
   if (!camera->ended() || camera->error().empty()) return 0;
-  std::fprintf(stderr, "finsightd: %s\n", camera->error().c_str());
+  print_news(camera->error());
   return 2;
 }
 
@@ -270,10 +267,10 @@ int main(int argc, char** argv) {
   try {
     return start(*arguments);
   } catch (const InputError& error) {
-    std::fprintf(stderr, "finsightd: %s\n", error.what());
+    print_news(error.what());
     return 2;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "finsightd: %s\n", error.what());
+    print_news(error.what());
     return 1;
   }
 }

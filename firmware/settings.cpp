@@ -1,7 +1,5 @@
 #include "firmware/settings.h"
 
-#include <arpa/inet.h>
-
 #include <algorithm>
 #include <iterator>
 
@@ -118,8 +116,7 @@ SerialSettings read_serial(TomlTable table) {
 void read_modbus(TomlTable table, Settings& settings) {
   ModbusSettings& modbus = settings.modbus;
   modbus.address = table.text("address", modbus.address);
-  in_addr ignored;
-  if (inet_pton(AF_INET, modbus.address.c_str(), &ignored) != 1) {
+  if (!is_ipv4(modbus.address, false)) {
     throw InputError(table.where("address"), "modbus.address", "\"" + modbus.address + "\"", "an IPv4 address");
   }
   modbus.port = static_cast<int>(table.integer("port", 0, 65535, modbus.port));

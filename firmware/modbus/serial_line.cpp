@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "firmware/modbus/latest_image.h"
+#include "firmware/modbus/reply_image.h"
 #include "firmware/modbus/request.h"
 
 namespace finsight {
@@ -147,11 +148,7 @@ struct SerialLine::Impl {
     if (length > 0) {
       return modbus_send_raw_request(line.get(), reply.data(), static_cast<int>(1 + length)) > 0;  // adds the checksum
     }
-    RegisterImage image = latest.read();
-    modbus_mapping_t mapping{};  // functions 3 and 4 show the same block
-    mapping.nb_registers = mapping.nb_input_registers = kMeasurementRegisters;
-    mapping.tab_registers = mapping.tab_input_registers = image.words.data();
-    return modbus_reply(line.get(), frame.data(), static_cast<int>(frame.size()), &mapping) > 0;
+    return reply_image(line.get(), frame, latest.read());
   }
 
   const SerialSettings settings;

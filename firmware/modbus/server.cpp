@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "firmware/modbus/latest_image.h"
+#include "firmware/modbus/reply_image.h"
 #include "firmware/modbus/request.h"
 #include "firmware/modbus/serial_line.h"
 
@@ -220,12 +221,8 @@ struct ModbusServer::Impl {
   }
 
   bool reply_registers(const Client& client) {
-    RegisterImage image = latest.read();
-    modbus_mapping_t mapping{};  // functions 3 and 4 show the same block
-    mapping.nb_registers = mapping.nb_input_registers = kMeasurementRegisters;
-    mapping.tab_registers = mapping.tab_input_registers = image.words.data();
     modbus_set_socket(modbus.get(), client.socket.get());
-    return modbus_reply(modbus.get(), client.frame.data(), static_cast<int>(client.used), &mapping) > 0;
+    return reply_image(modbus.get(), {client.frame.data(), client.used}, latest.read());
   }
 
   static constexpr std::size_t kWake = 0, kListener = 1, kFirstClient = 2;

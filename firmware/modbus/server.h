@@ -16,7 +16,7 @@ struct ModbusSettings {
   int port = 502;                     ///< 0: any free port
   int max_clients = 32;
   int idle_limit_s = 60;  ///< a silent client is closed after this
-  std::optional<SerialSettings> serial;
+  std::optional<SerialSettings> serial = std::nullopt;
 };
 
 /// Serves the last published RegisterImage; before the first one, a block that is not ready and has no valid value. A

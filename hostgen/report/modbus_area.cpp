@@ -77,9 +77,7 @@ std::vector<double> read_times_us(RawClient& client, int count) {
 
 json measure_modbus(bool quick) {
   const int reads = quick ? 5000 : 50000;
-  ModbusSettings any_port;
-  any_port.port = 0;
-  ModbusServer server(any_port);
+  ModbusServer server({.port = 0});
   RawClient client(server.port());
   read_times_us(client, 100);
   const std::vector<double> alone = read_times_us(client, reads);

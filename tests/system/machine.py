@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 FIRMWARE = "/usr/share/AAVMF/AAVMF_CODE.fd"
+READY = 1  # bit of register 0
 TEST_CONSTANT = 0x1234  # register 39
 SHELL_UNIT = """[Unit]
 DefaultDependencies=no
