@@ -243,6 +243,82 @@ TEST_CASE("newton: the size of the finger does not matter, metres or micrometres
   }
 }
 
+TEST_CASE("newton: one solve carries no plate further than its bounded steps, and the next ones go on") {
+  const Finger& f = small_finger();
+  const RigidPlates plates(f.model(), f.mount);
+  NewtonSolver<float> solver(f.model(), f.mount);
+  const double most_mm = NewtonSolver<float>::kMostFactorisations * solver.plate_step_mm();
+  const PlatePoses far = Bend{60, 0, 0}.poses(f.mount);
+  CHECK(solver.is_jump(Bend{}.poses(f.mount), far));
+  CHECK_FALSE(solver.is_jump(far, far));
+  double gap_mm = largest_plate_gap(f, solver, far);
+  int frames = 0;
+  for (bool ok = false; !ok && frames < 10; ++frames) {
+    const auto outcome = solver.solve(far, 1, 1);
+    CHECK(outcome.steps <= NewtonSolver<float>::kMostFactorisations + 1);
+    const double left_mm = largest_plate_gap(f, solver, far);
+    CHECK(gap_mm - left_mm <= most_mm + 1e-3);
+    gap_mm = left_mm;
+    ok = outcome.ok;
+  }
+  CHECK(frames > 1);
+  CHECK(gap_mm < 1e-4);
+}
+
+TEST_CASE("newton: starts towards a shape that has inverted elements without inverting one") {
+  const Finger& f = small_finger();
+  NewtonSolver<float> solver(f.model(), f.mount);
+  const PlatePoses poses = Bend{5, 0, 0}.poses(f.mount);
+  std::vector<float> shape(f.data.rest_mm);
+  test::Random random(5);
+  for (float& coordinate : shape) coordinate += static_cast<float>(20 * random.normal());
+  REQUIRE_FALSE(solver.start_from(shape, poses));
+  solver.start_towards(shape, poses);
+  CHECK(solver.smallest_determinant() > 0);
+  CHECK_FALSE(std::equal(f.data.rest_mm.begin(), f.data.rest_mm.end(), solver.node_mm().begin()));
+  shape[0] = shape[3 * f.model().nodes - 1] = std::numeric_limits<float>::quiet_NaN();
+  solver.start_towards(shape, poses);
+  CHECK(solver.smallest_determinant() > 0);
+}
+
+// Such a tetrahedron has no unknown, but the poses can invert it.
+TEST_CASE("newton: a tetrahedron between two plates limits the plates") {
+  host::TetMesh mesh = small_finger().mesh;
+  const auto& top = mesh.plate_nodes[kTopPlate];
+  const auto& middle = mesh.plate_nodes[kMiddlePlate];
+  std::array<int, 4> tet{top[0], top[1], middle[0], middle[2]};
+  const auto point = [&](int node) { return Eigen::Map<const Eigen::Vector3d>(mesh.node_mm[node].data()); };
+  const auto volume = [&] {
+    return (point(tet[1]) - point(tet[0])).cross(point(tet[2]) - point(tet[0])).dot(point(tet[3]) - point(tet[0]));
+  };
+  for (std::size_t i = 0; i < top.size() * middle.size() && std::abs(volume()) < 1; ++i) {
+    tet[1] = top[i / middle.size()];
+    tet[3] = middle[i % middle.size()];
+  }
+  REQUIRE(std::abs(volume()) >= 1);
+  if (volume() < 0) std::swap(tet[0], tet[1]);
+  mesh.tets.push_back(tet);
+  mesh.region.push_back(host::kBodyRegion);
+  const Finger f(mesh);
+  NewtonSolver<float> solver(f.model(), f.mount);
+  PlatePoses crossed = Bend{}.poses(f.mount);
+  crossed.plates[kTopPlate].displacement_mm.y() = -60;
+  for (int frame = 0; frame < 10; ++frame) {
+    CHECK_FALSE(solver.solve(crossed, 1, 1).ok);
+    CHECK(solver.smallest_determinant() > 0);
+  }
+}
+
+TEST_CASE("newton: a schedule of another mesh is refused") {
+  const Finger other(test::frame_mesh(4, 15, 5));
+  ShapeModel model = small_finger().model();
+  model.cholesky = other.data.cholesky.view();
+  CHECK_THROWS_AS((NewtonSolver<float>(model, small_finger().mount)), InputError);
+  model = other.model();
+  model.cholesky = small_finger().data.cholesky.view();
+  CHECK_THROWS_AS((NewtonSolver<float>(model, other.mount)), InputError);
+}
+
 TEST_CASE("elements: the step to the first flat element agrees with bisection on determinants") {
   const Finger& f = small_finger();
   const Cholesky<double> cholesky(f.model().cholesky);
