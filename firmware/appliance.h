@@ -38,7 +38,8 @@ class Supervisor {
   Supervisor& operator=(const Supervisor&) = delete;
 
   void ready() const;
-  /// Restarts the watchdog's time, at most once per second. To be called with every new frame, and only then.
+  /// Restarts the watchdog's time, at most once per second. To be called with every new frame, or another
+  /// answer of the camera's: that it is missing.
   void alive(std::int64_t now_ns);
 
  private:

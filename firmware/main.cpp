@@ -1,15 +1,18 @@
 // finsightd: settings -> model -> self-test -> loop. The only catch-all of the firmware.
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "firmware/appliance.h"
@@ -42,25 +45,22 @@ constexpr const char* kUsage =
 std::atomic<bool> stop_requested{false};
 
 struct Arguments {
-  std::string settings, user, registers, network;
-  std::optional<std::string> safe_mode;
+  std::string settings, user, registers, network, safe_mode;
   bool check = false, safe_outputs = false;
 };
 
 std::optional<Arguments> parse(int argc, char** argv) {
   Arguments arguments;
+  const std::pair<const char*, std::string*> valued[] = {{"--settings", &arguments.settings},
+                                                         {"--user", &arguments.user},
+                                                         {"--registers", &arguments.registers},
+                                                         {"--network", &arguments.network},
+                                                         {"--safe-mode", &arguments.safe_mode}};
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
-    if (word == "--settings" && i + 1 < argc) {
-      arguments.settings = argv[++i];
-    } else if (word == "--user" && i + 1 < argc) {
-      arguments.user = argv[++i];
-    } else if (word == "--network" && i + 1 < argc) {
-      arguments.network = argv[++i];
-    } else if (word == "--safe-mode" && i + 1 < argc) {
-      arguments.safe_mode = argv[++i];
-    } else if (word == "--registers" && i + 1 < argc) {
-      arguments.registers = argv[++i];
+    const auto option = std::find_if(std::begin(valued), std::end(valued), [&](auto& v) { return word == v.first; });
+    if (option != std::end(valued) && i + 1 < argc && *argv[i + 1]) {
+      *option->second = argv[++i];
     } else if (word == "--check") {
       arguments.check = true;
     } else if (word == "--safe-outputs") {
@@ -71,6 +71,8 @@ std::optional<Arguments> parse(int argc, char** argv) {
   }
   return arguments.settings.empty() ? std::nullopt : std::optional(arguments);
 }
+
+void print_news(const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); }
 
 /// What the pictures are seen through; nothing where there are none.
 std::optional<CameraModel> lens_of(const Settings& settings, const Model& model) {
@@ -92,8 +94,7 @@ std::unique_ptr<Camera> open_camera(const Settings& settings) {
     case Settings::Source::kCamera:
       break;
   }
-  return open_live_camera(settings.live,
-                          [](const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); });
+  return open_live_camera(settings.live, print_news);
 }
 
 /// The digital outputs, if the board has any: safe until the first frame, on faults, at exit, and when we crash.
@@ -148,14 +149,20 @@ class RegisterLog {
   std::vector<std::array<std::uint16_t, kMeasurementRegisters>> blocks_;
 };
 
+/// Without a frame for so long, clients hear of a fault: six frame times at 60 frames/s, three at slow cameras.
+int frame_timeout_ms(const Settings& settings) {
+  const bool is_live = settings.source == Settings::Source::kCamera;
+  return std::max(100, is_live ? static_cast<int>(3000 / settings.live.frames_per_second) : 0);
+}
+
 /// Frames in, registers and outputs out, until the recording ends or a signal comes. False: the outputs failed.
-bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
+bool run(Camera& camera, int timeout_ms, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
   Supervisor supervisor;
   supervisor.ready();
-  constexpr int kFrameTimeoutMs = 100;  // six frame times at 60 frames/s: the camera has stalled
+  std::uint32_t openings = 0;
   while (!stop_requested) {
     Frame frame;
-    if (camera.next(frame, kFrameTimeoutMs)) {
+    if (camera.next(frame, timeout_ms)) {
       const RegisterImage& image = loop.step(frame);
       server.publish(image);
       supervisor.alive(steady_now_ns());
@@ -164,8 +171,12 @@ bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs
     } else if (camera.ended()) {
       break;
     } else {
-      const RegisterImage& image = loop.step_without_frame(steady_now_ns());
+      const std::int64_t now_ns = steady_now_ns();
+      const RegisterImage& image = loop.step_without_frame(now_ns);
       server.publish(image);
+      // A camera that is missing is looked for; a restart would not bring it, only cut the clients off.
+      const std::uint32_t before = std::exchange(openings, camera.counts().openings);
+      if (openings != before) supervisor.alive(now_ns);
       if (!outputs.set(image)) return false;
     }
   }
@@ -176,7 +187,7 @@ bool run(Camera& camera, FrameLoop& loop, ModbusServer& server, Outputs& outputs
 int serve_fault(const Arguments& arguments) {
   ModbusSettings modbus{.address = "0.0.0.0", .port = 502};
   LoopState state;
-  state.fault = *arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
+  state.fault = arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
   std::optional<Outputs> outputs;  // stay safe from their opening on
   try {
     const Settings settings = read_settings(arguments.settings, arguments.user);
@@ -184,9 +195,9 @@ int serve_fault(const Arguments& arguments) {
     state.word_order = settings.loop.word_order;
     outputs.emplace(settings.gpio);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "finsightd: %s\n", error.what());
+    print_news(error.what());
   }
-  ModbusServer server(modbus);
+  ModbusServer server(modbus, print_news);
   std::fprintf(stderr, "finsightd: SAFE MODE, fault %d; Modbus TCP on %s:%d\n", static_cast<int>(state.fault),
                modbus.address.c_str(), server.port());
   Supervisor().ready();
@@ -210,7 +221,7 @@ int write_network(const Arguments& arguments) {
 }
 
 int start(const Arguments& arguments) {
-  if (arguments.safe_mode) return serve_fault(arguments);
+  if (!arguments.safe_mode.empty()) return serve_fault(arguments);
   if (!arguments.network.empty()) return write_network(arguments);
   const Settings settings = read_settings(arguments.settings, arguments.user);
   if (arguments.safe_outputs) {
@@ -225,17 +236,18 @@ int start(const Arguments& arguments) {
   const auto camera = open_camera(settings);
   if (arguments.check) return 0;
   Outputs outputs(settings.gpio);
-  ModbusServer server(settings.modbus);
+  ModbusServer server(settings.modbus, print_news);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
-  if (!run(*camera, loop, server, outputs, log)) throw std::runtime_error("gpio: the outputs cannot be set any more");
+  if (!run(*camera, frame_timeout_ms(settings), loop, server, outputs, log))
+    throw std::runtime_error("gpio: the outputs cannot be set any more");
   log.write();
   const CameraCounts counts = camera->counts();
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
   if (!camera->ended() || camera->error().empty()) return 0;
-  std::fprintf(stderr, "finsightd: %s\n", camera->error().c_str());
+  print_news(camera->error());
   return 2;
 }
 
@@ -255,10 +267,10 @@ int main(int argc, char** argv) {
   try {
     return start(*arguments);
   } catch (const InputError& error) {
-    std::fprintf(stderr, "finsightd: %s\n", error.what());
+    print_news(error.what());
     return 2;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "finsightd: %s\n", error.what());
+    print_news(error.what());
     return 1;
   }
 }

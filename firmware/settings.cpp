@@ -1,6 +1,7 @@
 #include "firmware/settings.h"
 
-#include <arpa/inet.h>
+#include <algorithm>
+#include <iterator>
 
 #include "firmware/input_error.h"
 #include "firmware/toml_table.h"
@@ -89,11 +90,33 @@ void read_shape(TomlTable table, ShapeSettings& shape) {
   table.finish();
 }
 
+char parity_letter(const std::string& parity) { return parity == "even" ? 'E' : parity == "odd" ? 'O' : 'N'; }
+
+SerialSettings read_serial(TomlTable table) {
+  SerialSettings serial;
+  serial.device = table.text("device");
+  if (!serial.device.starts_with("/")) {
+    throw InputError(table.where("device"), "modbus.serial.device", "\"" + serial.device + "\"",
+                     "a device's whole path, such as \"/dev/ttyUSB0\"");
+  }
+  constexpr int kBauds[] = {1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200};
+  serial.baud = static_cast<int>(table.integer("baud", 1200, 115200, serial.baud));
+  if (std::ranges::find(kBauds, serial.baud) == std::end(kBauds)) {
+    throw InputError(table.where("baud"), "modbus.serial.baud", std::to_string(serial.baud),
+                     "1200, 2400, 4800, 9600, 19200, 38400, 57600 or 115200");
+  }
+  serial.parity = parity_letter(table.choice("parity", {"even", "odd", "none"}, "even"));
+  serial.stop_bits = static_cast<int>(table.integer("stop_bits", 1, 2, serial.parity == 'N' ? 2 : 1));
+  serial.unit = static_cast<int>(table.integer("unit", 1, 247, serial.unit));
+  serial.rs485 = table.flag("rs485", false);
+  table.finish();
+  return serial;
+}
+
 void read_modbus(TomlTable table, Settings& settings) {
   ModbusSettings& modbus = settings.modbus;
   modbus.address = table.text("address", modbus.address);
-  in_addr ignored;
-  if (inet_pton(AF_INET, modbus.address.c_str(), &ignored) != 1) {
+  if (!is_ipv4(modbus.address, false)) {
     throw InputError(table.where("address"), "modbus.address", "\"" + modbus.address + "\"", "an IPv4 address");
   }
   modbus.port = static_cast<int>(table.integer("port", 0, 65535, modbus.port));
@@ -101,6 +124,7 @@ void read_modbus(TomlTable table, Settings& settings) {
   modbus.idle_limit_s = static_cast<int>(table.integer("idle_limit_s", 1, 86400, modbus.idle_limit_s));
   const std::string order = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD");
   settings.loop.word_order = order == "ABCD" ? WordOrder::kABCD : WordOrder::kCDAB;
+  if (table.has("serial")) modbus.serial = read_serial(table.table("serial"));
   table.finish();
 }
 

@@ -30,6 +30,13 @@ port = 15020
 max_clients = 7
 idle_limit_s = 5
 word_order = "CDAB"
+[modbus.serial]
+device = "/dev/ttyS1"
+baud = 9600
+parity = "odd"
+stop_bits = 2
+unit = 42
+rs485 = true
 )";
 
 const std::string kLeast = R"(pack = "p"
@@ -77,6 +84,13 @@ TEST_CASE("settings: every key arrives") {
   CHECK(settings.modbus.port == 15020);
   CHECK(settings.modbus.max_clients == 7);
   CHECK(settings.modbus.idle_limit_s == 5);
+  REQUIRE(settings.modbus.serial);
+  CHECK(settings.modbus.serial->device == "/dev/ttyS1");
+  CHECK(settings.modbus.serial->baud == 9600);
+  CHECK(settings.modbus.serial->parity == 'O');
+  CHECK(settings.modbus.serial->stop_bits == 2);
+  CHECK(settings.modbus.serial->unit == 42);
+  CHECK(settings.modbus.serial->rs485);
   CHECK(settings.loop.word_order == WordOrder::kCDAB);
 }
 
@@ -89,6 +103,11 @@ TEST_CASE("settings: every choice is known") {
   CHECK(read(replaced(kFull, "speed = \"full\"", "speed = \"recorded\"")).replay.recorded_speed);
   CHECK(read(replaced(kFull, "word_order = \"CDAB\"", "word_order = \"ABCD\"")).loop.word_order == WordOrder::kABCD);
   CHECK(read(kLeast).source == Settings::Source::kSession);
+  const auto parity = [](const std::string& name) {
+    return read(replaced(kFull, "parity = \"odd\"", "parity = \"" + name + "\"")).modbus.serial->parity;
+  };
+  CHECK(parity("even") == 'E');
+  CHECK(parity("none") == 'N');
 }
 
 TEST_CASE("settings: what is left out has the default of the part that uses it") {
@@ -105,6 +124,18 @@ TEST_CASE("settings: what is left out has the default of the part that uses it")
   CHECK(settings.modbus.port == parts.modbus.port);
   CHECK(settings.modbus.max_clients == parts.modbus.max_clients);
   CHECK(settings.modbus.idle_limit_s == parts.modbus.idle_limit_s);
+  CHECK_FALSE(settings.modbus.serial);
+
+  const auto line = [](const std::string& more) {
+    return *read(kLeast + "[modbus.serial]\ndevice = \"/dev/x\"\n" + more).modbus.serial;
+  };
+  const SerialSettings standard;
+  CHECK(line("").baud == standard.baud);
+  CHECK(line("").parity == standard.parity);
+  CHECK(line("").stop_bits == standard.stop_bits);
+  CHECK(line("").unit == standard.unit);
+  CHECK(line("").rs485 == standard.rs485);
+  CHECK(line("parity = \"none\"").stop_bits == 2);  // as the standard wants it
 }
 
 TEST_CASE("settings: a wrong type is refused with file, line, key, what was found and what is expected") {
@@ -124,6 +155,9 @@ TEST_CASE("settings: a wrong type is refused with file, line, key, what was foun
   check_refused("max_clients = 7", "max_clients = nan", "modbus.max_clients: found nan");
   check_refused("idle_limit_s = 5", "idle_limit_s = 1979-05-27", "modbus.idle_limit_s: found 1979-05-27");
   check_refused("word_order = \"CDAB\"", "word_order = false", "modbus.word_order: found false, expected a text");
+  check_refused("device = \"/dev/ttyS1\"", "device = 1", "modbus.serial.device: found 1, expected a text");
+  check_refused("baud = 9600", "baud = \"9600\"", "modbus.serial.baud: found '9600', expected a whole number");
+  check_refused("rs485 = true", "rs485 = 1", "modbus.serial.rs485: found 1, expected true or false");
 }
 
 TEST_CASE("settings: a value out of its range is refused in the same way") {
@@ -136,6 +170,10 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
   check_refused("address = \"0.0.0.0\"", "address = \"localhost\"",
                 "modbus.address: found \"localhost\", expected an IPv4 address");
   check_refused("word_order = \"CDAB\"", "word_order = \"BADC\"", "modbus.word_order: found \"BADC\"");
+  check_refused("device = \"/dev/ttyS1\"", "device = \"ttyS1\"",
+                "modbus.serial.device: found \"ttyS1\", expected a device's");
+  check_refused("baud = 9600", "baud = 9601", "modbus.serial.baud: found 9601, expected 1200, 2400");
+  check_refused("parity = \"odd\"", "parity = \"mark\"", "modbus.serial.parity: found \"mark\"");
 
   struct Range {
     const char *line, *key;
@@ -145,7 +183,8 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
        {Range{"hold_time_ms = 150", "hold_time_ms", 0, 10000},
         Range{"factorisations = 2", "shape.factorisations", 1, 10}, Range{"chord_steps = 3", "shape.chord_steps", 0, 5},
         Range{"port = 15020", "modbus.port", 0, 65535}, Range{"max_clients = 7", "modbus.max_clients", 1, 64},
-        Range{"idle_limit_s = 5", "modbus.idle_limit_s", 1, 86400}}) {
+        Range{"idle_limit_s = 5", "modbus.idle_limit_s", 1, 86400},
+        Range{"stop_bits = 2", "modbus.serial.stop_bits", 1, 2}, Range{"unit = 42", "modbus.serial.unit", 1, 247}}) {
     const std::string line = range.line, name = line.substr(0, line.find('=')) + "= ";
     const std::string expected =
         ", expected a whole number from " + std::to_string(range.lowest) + " to " + std::to_string(range.highest);

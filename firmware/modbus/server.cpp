@@ -11,7 +11,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cassert>
 #include <cerrno>
 #include <chrono>
@@ -20,8 +19,10 @@
 #include <utility>
 #include <vector>
 
-#include "firmware/modbus/registers.h"
+#include "firmware/modbus/latest_image.h"
+#include "firmware/modbus/reply_image.h"
 #include "firmware/modbus/request.h"
+#include "firmware/modbus/serial_line.h"
 
 namespace finsight {
 
@@ -64,34 +65,6 @@ class Descriptor {
  private:
   int fd_;
 };
-
-/// Three images in rotation: one being written, one being read, one between them that holds the latest.
-class LatestImage {
- public:
-  explicit LatestImage(const RegisterImage& first) { slots_[between_.load() & kSlot] = first; }
-  void publish(const RegisterImage& image) {
-    slots_[writing_] = image;
-    writing_ = between_.exchange(writing_ | kNew, std::memory_order_acq_rel) & kSlot;
-  }
-  const RegisterImage& read() {
-    if (between_.load(std::memory_order_relaxed) & kNew) {
-      reading_ = between_.exchange(reading_, std::memory_order_acq_rel) & kSlot;
-    }
-    return slots_[reading_];
-  }
-
- private:
-  static constexpr unsigned kSlot = 3, kNew = 4;
-  std::array<RegisterImage, 3> slots_;
-  unsigned writing_ = 0, reading_ = 1;
-  std::atomic<unsigned> between_{2 | kNew};
-};
-
-RegisterImage image_before_the_first_result() {
-  RegisterImage image;
-  encode_registers(PlatePoses{}, FingerShape{}, Touch{}, LoopState{}, image);
-  return image;
-}
 
 struct Client {
   Descriptor socket;
@@ -146,7 +119,7 @@ int port_of(const Descriptor& listener) {
 }  // namespace
 
 struct ModbusServer::Impl {
-  explicit Impl(const ModbusSettings& settings)
+  Impl(const ModbusSettings& settings, const std::function<void(const std::string&)>& report)
       : listener(open_listener(settings)),
         port(port_of(listener)),
         wake(::eventfd(0, EFD_CLOEXEC)),
@@ -156,6 +129,7 @@ struct ModbusServer::Impl {
         clients(static_cast<std::size_t>(settings.max_clients)),
         polled(clients.size() + kFirstClient) {
     if (!wake.is_open() || !modbus) throw std::system_error(errno, std::generic_category(), "Modbus server");
+    if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, report);
     thread = std::thread([this] { run(); });
   }
 
@@ -247,13 +221,8 @@ struct ModbusServer::Impl {
   }
 
   bool reply_registers(const Client& client) {
-    RegisterImage image = latest.read();
-    set_age(image, now_ns());
-    modbus_mapping_t mapping{};  // functions 3 and 4 show the same block
-    mapping.nb_registers = mapping.nb_input_registers = kMeasurementRegisters;
-    mapping.tab_registers = mapping.tab_input_registers = image.words.data();
     modbus_set_socket(modbus.get(), client.socket.get());
-    return modbus_reply(modbus.get(), client.frame.data(), static_cast<int>(client.used), &mapping) > 0;
+    return reply_image(modbus.get(), {client.frame.data(), client.used}, latest.read());
   }
 
   static constexpr std::size_t kWake = 0, kListener = 1, kFirstClient = 2;
@@ -265,13 +234,18 @@ struct ModbusServer::Impl {
   std::vector<Client> clients;
   std::vector<pollfd> polled;
   std::int64_t accept_after_ns = 0;
-  LatestImage latest{image_before_the_first_result()};
+  LatestImage latest;
+  std::unique_ptr<SerialLine> serial;
   std::thread thread;
 };
 
-ModbusServer::ModbusServer(const ModbusSettings& settings) : impl_(std::make_unique<Impl>(settings)) {}
+ModbusServer::ModbusServer(const ModbusSettings& settings, const std::function<void(const std::string&)>& report)
+    : impl_(std::make_unique<Impl>(settings, report)) {}
 ModbusServer::~ModbusServer() = default;
-void ModbusServer::publish(const RegisterImage& image) noexcept { impl_->latest.publish(image); }
+void ModbusServer::publish(const RegisterImage& image) noexcept {
+  impl_->latest.publish(image);
+  if (impl_->serial) impl_->serial->publish(image);
+}
 int ModbusServer::port() const { return impl_->port; }
 
 }  // namespace finsight

@@ -16,8 +16,9 @@ namespace finsight {
 
 /// What a camera counts beside its frames' sequence numbers, whose gaps are the dropped frames.
 struct CameraCounts {
-  std::uint32_t late = 0;    ///< frames that came more than two frame times after their exposure
-  std::uint32_t losses = 0;  ///< how often it stopped and had to be opened again
+  std::uint32_t late = 0;      ///< frames that came more than two frame times after their exposure
+  std::uint32_t losses = 0;    ///< how often it stopped and had to be opened again
+  std::uint32_t openings = 0;  ///< how often it was opened or found missing: grows while it is looked for
 };
 
 class Camera {

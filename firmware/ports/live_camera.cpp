@@ -86,6 +86,7 @@ class LiveCamera : public Camera {
     const std::int64_t left_ns = std::max<std::int64_t>(limit_ns - clock_.now_ns(), 0);
     if (opening_.wait_for(std::chrono::nanoseconds(left_ns)) != std::future_status::ready) return false;
     Attempt attempt = opening_.get();
+    ++counts_.openings;
     camera_ = std::move(attempt.camera);
     if (!camera_) {
       wait_before_retry(attempt.error);

@@ -78,8 +78,8 @@ std::shared_ptr<const StaticsSetup> make_statics_setup(const FingerSpec& spec, c
   return std::make_shared<const StaticsSetup>(spec, mesh);
 }
 
-/// The loads between two touches: base + s direction. While the touched point stays, base is zero and s is the force, so
-/// that the states of a whole path lie on one line and can be extrapolated.
+/// The loads between two touches: base + s direction. While the touched point stays, base is zero and s is the force,
+/// so that the states of a whole path lie on one line and can be extrapolated.
 struct FingerStatics::Solver {
   struct Station {
     double s = 0;
@@ -125,10 +125,10 @@ struct FingerStatics::Solver {
 
   std::shared_ptr<const StaticsSetup> setup;
   Equilibrium equilibrium;
-  FacePoint place;                ///< where the force of `force_n` is applied now
+  FacePoint place;  ///< where the force of `force_n` is applied now
   double force_n = 0;
-  double compliance = 0;          ///< distance of the last two states over the distance of their loads; 0: unknown
-  std::vector<Station> history;   ///< the latest states of the present line of loads; the last is the present one
+  double compliance = 0;         ///< distance of the last two states over the distance of their loads; 0: unknown
+  std::vector<Station> history;  ///< the latest states of the present line of loads; the last is the present one
   ElasticState trial;
 };
 
@@ -208,7 +208,12 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
     equilibrium.reset();
     return false;
   }
-  if (!same_place) history = {Station{target_force_n, history.back().state}};
+  if (!same_place) {
+    history = {Station{target_force_n, history.back().state}};
+    // A touch that moves along the face changes the load much and the shape little. Measured by that, the next change
+    // of force would look like a jump.
+    compliance = std::max(compliance, compliance_before);
+  }
   place = target;
   force_n = target_force_n;
   return true;

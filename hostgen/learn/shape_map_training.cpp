@@ -19,20 +19,20 @@ constexpr double kRidge = 1e-6;
 
 // The leading right singular vectors as rows, by subspace iteration (Halko et al. 2011): the spectrum falls fast, so
 // that a few rounds with some spare vectors are exact to float.
-Eigen::MatrixXf leading_directions(const Eigen::MatrixXf& samples, int rank) {
+Eigen::MatrixXd leading_directions(const Eigen::MatrixXd& samples, int rank) {
   constexpr int kSpare = 10, kRounds = 8;
   const int width = static_cast<int>(std::min<Eigen::Index>({rank + kSpare, samples.rows(), samples.cols()}));
   Random random(1);
-  Eigen::MatrixXf directions(samples.cols(), width);
-  for (float& value : directions.reshaped()) value = static_cast<float>(random.normal());
+  Eigen::MatrixXd directions(samples.cols(), width);
+  for (double& value : directions.reshaped()) value = random.normal();
   for (int round = 0; round < kRounds; ++round) {
-    const Eigen::MatrixXf images = samples.transpose() * (samples * directions);
-    const Eigen::HouseholderQR<Eigen::MatrixXf> qr(images);
-    directions = qr.householderQ() * Eigen::MatrixXf::Identity(samples.cols(), width);
+    const Eigen::MatrixXd images = samples.transpose() * (samples * directions);
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(images);
+    directions = qr.householderQ() * Eigen::MatrixXd::Identity(samples.cols(), width);
   }
-  const Eigen::MatrixXd projected = (samples * directions).cast<double>();
+  const Eigen::MatrixXd projected = samples * directions;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(projected.transpose() * projected);  // ascending
-  const Eigen::MatrixXf turn = solver.eigenvectors().rowwise().reverse().leftCols(rank).cast<float>();
+  const Eigen::MatrixXd turn = solver.eigenvectors().rowwise().reverse().leftCols(rank);
   return (directions * turn).transpose();
 }
 
@@ -81,10 +81,11 @@ ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& 
   ShapeMapData map;
   map.rank = rank;
   map.scale = pose_scale(poses);
-  const Eigen::MatrixXf basis = leading_directions(displacement_mm, rank);
+  const Eigen::MatrixXd displacements = displacement_mm.cast<double>();
+  const Eigen::MatrixXd basis = leading_directions(displacements, rank);
 
   const Eigen::MatrixXd x = features(poses, map.scale);
-  const Eigen::MatrixXd coordinates = (displacement_mm * basis.transpose()).cast<double>();
+  const Eigen::MatrixXd coordinates = displacements * basis.transpose();
   Eigen::MatrixXd normal = x.transpose() * x;
   normal.diagonal().array() += kRidge * std::max(normal.trace() / static_cast<double>(normal.rows()), 1e-30);
   const Eigen::MatrixXd weights = normal.ldlt().solve(x.transpose() * coordinates).transpose();  // [rank, features - 1]
@@ -92,7 +93,7 @@ ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& 
   for (int r = 0; r < rank; ++r) {
     map.weights.push_back(0.0f);  // of the constant feature: rest stays at rest exactly
     for (const double weight : weights.row(r)) map.weights.push_back(static_cast<float>(weight));
-    map.basis.insert(map.basis.end(), basis.row(r).begin(), basis.row(r).end());
+    for (const double component : basis.row(r)) map.basis.push_back(static_cast<float>(component));
   }
   return map;
 }

@@ -51,6 +51,14 @@ TEST_CASE("statics: more force, more push; the way there does not matter") {
   }
 }
 
+TEST_CASE("statics: a touch that moved along the face can be weakened") {
+  // The move changes the load much and the shape little; what the force then does is no jump.
+  FingerStatics finger(test::small_finger_spec(), test::small_finger_mesh());
+  REQUIRE(finger.load(Vec3f(-2, 40, 0), 0.3));
+  for (const float x_mm : {-1.0f, 0.0f, 1.0f, 2.0f}) REQUIRE(finger.load(Vec3f(x_mm, 40, 0), 0.3));
+  CHECK(finger.load(Vec3f(2, 40, 0), 0.2));
+}
+
 TEST_CASE("statics: a force that the finger cannot bear leaves the last good state") {
   FingerStatics finger(test::small_finger_spec(), test::small_finger_mesh());
   REQUIRE(finger.load(Vec3f(0, 40, 0), 0.2));

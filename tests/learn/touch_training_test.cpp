@@ -55,22 +55,24 @@ Measured measure(Random& random, const std::array<bool, kPlates>& seen) {
 struct Statistics {
   double mean_error_mm = 0, mean_radius_mm = 0, inside = 0, inside_twice = 0, contact_mm = 0, force_n = 0;
 };
+constexpr int kMeasurements = 1000;
+
 Statistics measure_many(const std::array<bool, kPlates>& seen) {
   TouchStage stage(trained().model.view());
   Random random(77);
   Statistics result;
   int count = 0;
-  while (count < 1000) {
+  while (count < kMeasurements) {
     const Measured measured = measure(random, seen);
     const Touch& touch = stage.locate(measured.poses);
     if (touch.quality != Quality::kFresh) continue;
     const double error_mm = double((touch.point_mm - measured.truth.point_mm).norm());
-    result.mean_error_mm += error_mm / 1000;
-    result.mean_radius_mm += double(touch.radius_68_mm) / 1000;
-    result.inside += (error_mm <= double(touch.radius_68_mm)) / 1000.0;
-    result.inside_twice += (error_mm <= 2 * double(touch.radius_68_mm)) / 1000.0;
-    result.contact_mm += double((touch.contact_mm - measured.truth.contact_mm).norm()) / 1000;
-    result.force_n += double(std::abs(touch.force_n - measured.truth.force_n)) / 1000;
+    result.mean_error_mm += error_mm / kMeasurements;
+    result.mean_radius_mm += double(touch.radius_68_mm) / kMeasurements;
+    result.inside += (error_mm <= double(touch.radius_68_mm)) / double(kMeasurements);
+    result.inside_twice += (error_mm <= 2 * double(touch.radius_68_mm)) / double(kMeasurements);
+    result.contact_mm += double((touch.contact_mm - measured.truth.contact_mm).norm()) / kMeasurements;
+    result.force_n += double(std::abs(touch.force_n - measured.truth.force_n)) / kMeasurements;
     ++count;
   }
   return result;

@@ -5,14 +5,16 @@ virtual machine (SMBIOS strings), and this one adds a root shell on a virtual se
 """
 import base64
 import os
-import shutil
+import signal
 import socket
 import struct
 import subprocess
+import sys
 import time
 from pathlib import Path
 
 FIRMWARE = "/usr/share/AAVMF/AAVMF_CODE.fd"
+READY = 1  # bit of register 0
 TEST_CONSTANT = 0x1234  # register 39
 SHELL_UNIT = """[Unit]
 DefaultDependencies=no
@@ -66,19 +68,28 @@ class Machine:
                            ("want", credential("systemd.unit-dropin.multi-user.target", SHELL_WANT))):
             (self.folder / name).write_text(text)
 
+    def chardev(self, name):
+        return f"socket,id={name},path={self.folder}/{name}.sock,server=on,wait=off"
+
+    def camera_port(self):
+        """For start(): a USB port for a UsbCamera on camera.sock in our folder."""
+        return ["-chardev", self.chardev("camera"), "-device", "usb-redir,chardev=camera"]
+
     def command(self, *more):
-        sock = lambda name: f"socket,id={name},path={self.folder}/{name}.sock,server=on,wait=off"
-        return ["qemu-system-aarch64", "-M", "virt,gic-version=3", "-cpu", "cortex-a72", "-smp", "2", "-m", "768",
+        # With ACPI the machine has no GPIO lines, so it describes itself by device tree.
+        return ["qemu-system-aarch64", "-M", "virt,gic-version=3,acpi=off", "-cpu", "cortex-a72", "-smp", "2",
+                "-m", "768",
                 "-accel", "tcg,thread=multi", "-nographic", "-nodefaults",
                 "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
                 "-drive", f"if=none,id=card,file={self.card},format={self.format}",
                 "-device", "virtio-blk-pci,drive=card,bootindex=0",
                 "-netdev", f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{self.port}-:502",
                 "-device", "virtio-net-pci,netdev=net,romfile=",
-                "-device", "virtio-serial-pci", "-chardev", sock("shell"), "-device", "virtconsole,chardev=shell",
+                "-device", "virtio-serial-pci",
+                "-chardev", self.chardev("shell"), "-device", "virtconsole,chardev=shell",
                 "-device", "i6300esb", "-device", "virtio-rng-pci", "-device", "qemu-xhci,id=usb",
                 "-smbios", f"type=11,path={self.folder}/unit", "-smbios", f"type=11,path={self.folder}/want",
-                "-chardev", sock("monitor"), "-mon", "chardev=monitor",
+                "-chardev", self.chardev("monitor"), "-mon", "chardev=monitor",
                 "-chardev", f"file,id=console,path={self.folder}/console.log", "-serial", "chardev:console",
                 *self.extra, *more]
 
@@ -99,6 +110,7 @@ class Machine:
             self.process = None
 
     def __enter__(self):
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that __exit__ is reached
         return self
 
     def __exit__(self, *_):
@@ -117,11 +129,22 @@ class Machine:
     def console(self):
         return (self.folder / "console.log").read_text(errors="replace").replace("\r", "")
 
+    def connect(self, client, name, limit_s=60):
+        """QEMU makes its sockets a moment after its start."""
+        end = time.monotonic() + limit_s
+        while True:
+            try:
+                return client.connect(str(self.folder / name))
+            except OSError:
+                if time.monotonic() > end or self.process.poll() is not None:
+                    raise
+                time.sleep(0.1)
+
     def monitor(self, line):
         """One command to QEMU itself; its answer."""
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(120)
-            client.connect(str(self.folder / "monitor.sock"))
+            self.connect(client, "monitor.sock")
             self.read_until(client, b"(qemu) ")
             client.sendall(line.encode() + b"\n")
             return self.read_until(client, b"(qemu) ").decode(errors="replace")
@@ -131,15 +154,15 @@ class Machine:
         end = f"end-{time.monotonic_ns()}"
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(limit_s)
-            client.connect(str(self.folder / "shell.sock"))
+            self.connect(client, "shell.sock")
             # The shell echoes what it is told, so the mark is put together only by what it runs.
-            client.sendall(f"stty -echo cols 200; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
+            client.sendall(f"stty -echo cols 200; PS1=; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
                            f"echo begin-''{end}; {command}\n"
                            f"echo \"$? {end[:3]}\"'{end[3:]}'\n".encode())
             text = self.read_until(client, f" {end}\n".encode()).decode(errors="replace").replace("\r", "")
         text = text.split(f"begin-{end}\n")[-1]
         output, _, last = text.rstrip("\n").rpartition("\n")
-        return int(last.split()[0].lstrip("#$ ")), output
+        return int(last.split()[-2]), output
 
     @staticmethod
     def read_until(client, mark):
@@ -169,7 +192,7 @@ class Machine:
 
 def make_stick(image, files):
     """A FAT-formatted USB stick with these files at its root."""
-    size = sum(Path(f).stat().st_size for f in files) + (8 << 20)
+    size = sum(Path(f).stat().st_size for f in files) + (48 << 20)  # FAT32 begins at about 33 MB
     with open(image, "wb") as out:
         out.truncate((size + 0xFFFFF) & ~0xFFFFF)
     subprocess.run(["mformat", "-i", image, "-F", "::"], check=True)

@@ -14,6 +14,9 @@ import time
 import unittest
 from pathlib import Path
 
+from usb_camera import read_pictures
+from virtual_frames import SIZE, YAML, pgm, write_frames
+
 BINARIES = Path(sys.argv.pop(1))
 SOURCE = Path(sys.argv.pop(1))
 TRIXIE = SOURCE / "build" / "amd64-trixie"
@@ -26,20 +29,6 @@ SESSION = WORK / "virtual-session"    # and as a session
 CHOSEN = (0, 70, 110, 150)  # of the rendered frames
 SKIPPED = 77
 
-YAML = f'''# SPDX-License-Identifier: CC0-1.0
-%YAML 1.1
----
-"Finger0":
-  supported_formats:
-  - width: 640
-    height: 480
-    frame_rates: [60, 60]
-  frames:
-    path: "{FRAMES}/"
-  location: "CameraLocationExternal"
-  model: "virtual finger camera"
-'''
-
 
 def run(*words, **options):
     answer = subprocess.run([str(w) for w in words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=1800,
@@ -48,36 +37,22 @@ def run(*words, **options):
         sys.exit(f"{words}: exit code {answer.returncode}\n" + answer.stdout.decode(errors="replace"))
 
 
-def read_y4m(path, wanted):
-    """The stream's header and the wanted frames."""
-    with open(path, "rb") as file:
-        header = file.readline()
-        fields = {word[:1]: word[1:] for word in header.split()[1:]}
-        size = int(fields[b"W"]) * int(fields[b"H"])
-        frames = []
-        for k in range(max(wanted) + 1):
-            assert file.readline().startswith(b"FRAME")
-            pixels = file.read(size)
-            if k in wanted:
-                frames.append(pixels)
-    return header, frames
-
-
 def make_frames():
     """Four rendered frames as the camera's JPEGs (it takes nothing else), as PGMs, and as a session."""
     rendered = WORK / "virtual-rendered"
     run(BINARIES / "hostgen", "render", SPEC, "-o", rendered, "--seconds", 3)
-    header, frames = read_y4m(rendered / "frames.y4m", CHOSEN)
+    width, height, pictures = read_pictures(rendered)
+    assert (width, height) == SIZE
+    frames = [bytes(pictures[k]) for k in CHOSEN]
+    header = (rendered / "frames.y4m").read_bytes().split(b"\n", 1)[0] + b"\n"
     for folder in (FRAMES, PICTURES, SESSION):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
     (SESSION / "frames.y4m").write_bytes(header + b"".join(b"FRAME\n" + pixels for pixels in frames))
     shutil.copy(rendered / "session.toml", SESSION)
     for k, pixels in enumerate(frames):
-        pgm = b"P5\n640 480\n255\n" + pixels
-        (PICTURES / f"{k}.pgm").write_bytes(pgm)
-        jpeg = subprocess.run(["cjpeg", "-quality", "100", "-grayscale"], input=pgm, stdout=subprocess.PIPE, check=True)
-        (FRAMES / f"{k}.jpg").write_bytes(jpeg.stdout)
+        (PICTURES / f"{k}.pgm").write_bytes(pgm(pixels))
+    write_frames(FRAMES, frames)
 
 
 def prepare():
@@ -89,7 +64,7 @@ def prepare():
         run(BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--profile", "quick")
     make_frames()
     yaml = WORK / "virtual.yaml"
-    yaml.write_text(YAML)
+    yaml.write_text(YAML.format(folder=FRAMES))
     return {**os.environ, "LD_PRELOAD": str(TRIXIE / "tests" / "libudmabuf_shim.so"),
             "FINSIGHT_VIRTUAL_YAML": str(yaml), "FINSIGHT_VIRTUAL_FRAMES": str(PICTURES),
             "ASAN_OPTIONS": "quarantine_size_mb=1:verify_asan_link_order=0"}

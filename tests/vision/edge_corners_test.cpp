@@ -69,7 +69,7 @@ TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better t
     for (const double tilt_rad : {0.0, 0.35, 0.7}) {
       Errors edges, sub_pix;
       Random random(11);
-      for (int i = 0; i < 10; ++i) {
+      for (int i = 0; i < 6; ++i) {
         const PaintedMarker marker = random_marker(random, camera, tilt_rad);
         Paint paint;
         paint.blur_px = blur_px;
