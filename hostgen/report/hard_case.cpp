@@ -42,7 +42,7 @@ std::optional<double> HardCaseTruth::distance(const PlatePoses& poses, std::span
   const bool warm = warm_.start_from(node_mm, poses) && warm_.converge(poses, kTolerance * unit_mm_, kMostSteps).ok;
   if (!cold && !warm) return std::nullopt;
   const bool cold_is_better = cold && (!warm || cold_.energy() <= warm_.energy());
-  return largest_distance_mm(node_mm, (cold_is_better ? cold_ : warm_).node_mm()) / unit_mm_;
+  return shape_distance(node_mm, (cold_is_better ? cold_ : warm_).node_mm()).worst_mm / unit_mm_;
 }
 
 void examine(const ShapeParts& parts, const FingerShape& shape, HardCaseResult& result) {

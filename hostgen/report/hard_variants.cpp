@@ -169,7 +169,7 @@ void run_float_against_double(const ShapeParts& parts, std::vector<HardCaseResul
     answer.quality = Quality::kFresh;
     examine(parts, answer, result);
     result.flagged += !reference.solve(poses, 1, 1).ok;
-    result.end_mm = largest_distance_mm(single.node_mm(), reference.node_mm());
+    result.end_mm = shape_distance(single.node_mm(), reference.node_mm()).worst_mm;
     result.worst_mm = std::max(result.worst_mm, result.end_mm);
   }
   results.push_back(result);
@@ -198,7 +198,7 @@ void run_soft_handles(const ShapeParts& parts, std::vector<HardCaseResult>& resu
     }
     NewtonSolver<double> exact(parts.shape, parts.mount);
     exact.converge(motion.frames.back(), 1e-6, 300);
-    result.worst_mm = result.end_mm = largest_distance_mm(std::span<const float>(node_mm), exact.node_mm());
+    result.worst_mm = result.end_mm = shape_distance(std::span<const float>(node_mm), exact.node_mm()).worst_mm;
     results.push_back(result);
   }
 }

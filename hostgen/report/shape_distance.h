@@ -8,19 +8,25 @@
 
 namespace finsight::host {
 
-/// Over all nodes; a and b: [3 * nodes].
+struct ShapeDistance {
+  double worst_mm = 0, mean_mm = 0;  ///< over all nodes
+};
+
+/// a and b: [3 * nodes], of any two scalars.
 template <class A, class B>
-double largest_distance_mm(std::span<A> a, std::span<B> b) {
-  double largest_sq = 0;
+ShapeDistance shape_distance(std::span<A> a, std::span<B> b) {
+  ShapeDistance distance;
   for (std::size_t i = 0; i < a.size(); i += 3) {
     double sum = 0;
     for (std::size_t k = i; k < i + 3; ++k) {
       const double difference = static_cast<double>(a[k]) - static_cast<double>(b[k]);
       sum += difference * difference;
     }
-    largest_sq = std::max(largest_sq, sum);
+    const double mm = std::sqrt(sum);
+    distance.worst_mm = std::max(distance.worst_mm, mm);
+    distance.mean_mm += mm / static_cast<double>(a.size() / 3);
   }
-  return std::sqrt(largest_sq);
+  return distance;
 }
 
 }  // namespace finsight::host

@@ -12,6 +12,7 @@
 #include "tests/random.h"
 #include "tests/shape/finger_motion.h"
 #include "tests/shape/frame_mesh.h"
+#include "tests/slow_build.h"
 
 using namespace finsight;
 using host::HardCaseResult;
@@ -65,19 +66,8 @@ void check(const HardCaseResult& result) {
   CHECK((result.may_end_flagged || !result.end_flagged));
 }
 
-// Under a sanitizer everything takes thirty times as long.
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define FINSIGHT_SLOW
-#endif
-#endif
-#if defined(FINSIGHT_SLOW) || defined(__SANITIZE_ADDRESS__) || !defined(__OPTIMIZE__) || defined(__aarch64__)
-constexpr int kWalkFrames = 1000;
-const host::TetMesh kMesh = test::frame_mesh(2, 6, 5);
-#else
-constexpr int kWalkFrames = 100000;
-const host::TetMesh kMesh = test::frame_mesh(4, 12, 5);
-#endif
+constexpr int kWalkFrames = test::kIsSlow ? 1000 : 100000;
+const host::TetMesh kMesh = test::kIsSlow ? test::frame_mesh(2, 6, 5) : test::frame_mesh(4, 12, 5);
 
 }  // namespace
 

@@ -7,9 +7,14 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/fem/shape_model.h"
+#include "hostgen/finger/mesh.h"
+#include "hostgen/finger/mount.h"
+#include "hostgen/report/hard_motions.h"
+#include "hostgen/report/shape_distance.h"
 #include "tests/count_allocations.h"
 #include "tests/shape/finger_motion.h"
 #include "tests/shape/frame_mesh.h"
+#include "tests/slow_build.h"
 
 using namespace finsight;
 using test::Bend;
@@ -32,16 +37,6 @@ const Finger& finger() {
 const Finger& small_finger() {
   static const Finger the_finger(test::frame_mesh(4, 12, 5));
   return the_finger;
-}
-
-template <class A, class B>
-double largest_distance(std::span<A> a, std::span<B> b) {
-  double largest = 0;
-  for (std::size_t i = 0; i < a.size(); i += 3)
-    largest = std::max(largest, std::hypot(static_cast<double>(a[i]) - static_cast<double>(b[i]),
-                                           static_cast<double>(a[i + 1]) - static_cast<double>(b[i + 1]),
-                                           static_cast<double>(a[i + 2]) - static_cast<double>(b[i + 2])));
-  return largest;
 }
 
 template <class S>
@@ -110,7 +105,7 @@ TEST_CASE("newton: near the minimum every step leaves less than an eighth of the
   REQUIRE(solver.converge(poses, 0.3, 200).ok);
   std::vector<double> errors;
   for (int k = 0; k < 5; ++k) {
-    errors.push_back(largest_distance(solver.node_mm(), reference.node_mm()));
+    errors.push_back(host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm);
     REQUIRE(solver.solve(poses, 1, 0).ok);
   }
   CAPTURE(errors[0]);
@@ -134,12 +129,12 @@ TEST_CASE("newton: one factorisation and one chord step per frame follow a 30 mm
     REQUIRE(outcome.ok);
     CHECK(outcome.steps == 2);
     CHECK(solver.smallest_determinant() > 0);
-    worst = std::max(worst, largest_distance(solver.node_mm(), reference.node_mm()));
+    worst = std::max(worst, host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm);
   }
   MESSAGE("worst distance to the converged shape: " << worst << " mm");
   CHECK(worst <= 0.02);
   CHECK(largest_plate_gap(f, solver, kHard.poses(f.mount)) < 1e-4);
-  CHECK(largest_distance(solver.node_mm(), reference.node_mm()) < 1e-4);  // ten frames of rest later
+  CHECK(host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm < 1e-4);  // ten frames of rest later
 }
 
 TEST_CASE("newton: jumps from rest to the extreme and back split their motion and never invert an element") {
@@ -239,7 +234,7 @@ TEST_CASE("newton: the size of the finger does not matter, metres or micrometres
     }
     std::vector<double> back(scaled_solver.node_mm().begin(), scaled_solver.node_mm().end());
     for (double& coordinate : back) coordinate /= scale;
-    CHECK(largest_distance(solver.node_mm(), std::span<double>(back)) < 1e-3);
+    CHECK(host::shape_distance(solver.node_mm(), std::span<double>(back)).worst_mm < 1e-3);
   }
 }
 
@@ -360,4 +355,22 @@ TEST_CASE("shape model: names what makes a mesh unusable") {
   std::swap(inverted.tets[5][0], inverted.tets[5][1]);
   const host::ShapeModelData data = host::make_shape_model(inverted);
   CHECK_THROWS_AS((NewtonSolver<float>(data.view(), small_finger().mount)), InputError);
+}
+
+TEST_CASE("newton: follows a bend on every mesh that hostgen makes") {
+  const host::FingerSpec spec = host::read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
+  const MountModel mount = host::mount_of(spec);
+  std::vector<host::MeshSize> sizes = {host::MeshSize::kCoarse, host::MeshSize::kDefault, host::MeshSize::kMedium};
+  if (!test::kIsSlow) sizes.push_back(host::MeshSize::kFine);
+  for (const host::MeshSize size : sizes) {
+    const host::ShapeModelData data = host::make_shape_model(host::make_mesh(spec, size));
+    CAPTURE(data.view().tets);
+    NewtonSolver<float> solver(data.view(), mount);
+    NewtonSolver<double> reference(data.view(), mount);
+    const host::HardMotion motion = host::HardMotion(mount).go(host::Bend{15, 0, 20}, 40).hold(3);
+    for (const PlatePoses& poses : motion.frames) REQUIRE(solver.solve(poses, 1, 1).ok);
+    REQUIRE(reference.converge(motion.frames.back(), 1e-6, 200).ok);
+    CHECK(host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm < 1e-3);
+    CHECK(solver.smallest_determinant() > 0);
+  }
 }

@@ -13,7 +13,7 @@
 #include "tests/shape/frame_mesh.h"
 
 using namespace finsight;
-using host::largest_distance_mm;
+using host::shape_distance;
 using test::Bend;
 
 namespace {
@@ -42,10 +42,10 @@ TEST_CASE("soft newton: with the published stiffness it finds the shape that exa
     const auto outcome = soft.converge(poses);
     REQUIRE(outcome.ok);
     CHECK(outcome.steps < 20);
-    CHECK(largest_distance_mm(soft.node_mm(), exact.node_mm()) < 0.05);
+    CHECK(shape_distance(soft.node_mm(), exact.node_mm()).worst_mm < 0.05);
   }
   REQUIRE(soft.converge(bend.poses(f.mount), 1e-12).ok);
-  CHECK(largest_distance_mm(soft.node_mm(), exact.node_mm()) < 0.01);
+  CHECK(shape_distance(soft.node_mm(), exact.node_mm()).worst_mm < 0.01);
 }
 
 TEST_CASE("soft newton: a jump that would invert elements converges, too, and impossible poses end") {
@@ -55,7 +55,7 @@ TEST_CASE("soft newton: a jump that would invert elements converges, too, and im
   const PlatePoses far = Bend{30, 0, 45}.poses(f.mount);
   REQUIRE(soft.converge(far).ok);
   REQUIRE(exact.converge(far, 1e-8, 100).ok);
-  CHECK(largest_distance_mm(soft.node_mm(), exact.node_mm()) < 0.05);
+  CHECK(shape_distance(soft.node_mm(), exact.node_mm()).worst_mm < 0.05);
   PlatePoses crossed = Bend{}.poses(f.mount);
   crossed.plates[kTopPlate].displacement_mm.y() = -90;
   CHECK(soft.converge(crossed, 1e-4, 50).steps <= 50);
