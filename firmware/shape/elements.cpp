@@ -73,6 +73,9 @@ Elements<S>::Elements(const ShapeModel& model, const Cholesky<S>& cholesky) {
         mean_edge_mm_ += (rest_point(model, tet[a]) - rest_point(model, tet[b])).norm() / (6 * model.tets);
     const auto order = [&](int node) {  // elimination position; fixed nodes after all free ones
       const int free = model.free_index[node];
+      if (free >= model.cholesky.blocks)
+        throw InputError("shape model", "cholesky", std::to_string(model.cholesky.blocks) + " blocks",
+                         "one for free node " + std::to_string(free));
       return free >= 0 ? cholesky.position(free) : model.cholesky.blocks + node;
     };
     std::sort(tet.begin(), tet.end(), [&](int a, int b) { return order(a) < order(b); });

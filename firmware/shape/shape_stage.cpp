@@ -35,6 +35,7 @@ struct ShapeStage::Workspace {
     shape.node_mm = newton.node_mm();
   }
 
+  void answer_by_measures(const PlatePoses& poses);
   void answer_by_map(const PlatePoses& poses);
   void answer_by_newton(const PlatePoses& poses);
   bool solve(const PlatePoses& poses);
@@ -74,6 +75,8 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses) {
   }
   if (!work_->plates.plausible(poses)) {
     shape.fallback = true;
+  } else if (work_->settings.tier == ShapeSettings::Tier::kMeasures) {
+    work_->answer_by_measures(poses);
   } else {
     work_->map.evaluate(plate_numbers(poses), work_->map_mm);
     work_->plates.place<float>(plate_motions(poses), work_->map_mm);
@@ -86,8 +89,17 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses) {
   }
   const bool measured = poses.quality == Quality::kFresh && poses.seen_count() == kPlates && !shape.fallback;
   shape.quality = shape.source == ShapeSource::kRest ? Quality::kInvalid : measured ? Quality::kFresh : Quality::kHeld;
-  work_->measure();
+  if (work_->settings.tier != ShapeSettings::Tier::kMeasures) work_->measure();
   return shape;
+}
+
+void ShapeStage::Workspace::answer_by_measures(const PlatePoses& poses) {
+  const ShapeMap::Measures measures = map.measure(plate_numbers(poses));
+  shape.source = ShapeSource::kMap;
+  shape.node_mm = {};
+  shape.rms_mm = measures.rms_mm;
+  shape.front_rms_mm = measures.front_rms_mm;
+  shape.largest_mm = measures.largest_mm;
 }
 
 // A shape with an inverted tetrahedron never goes out: the way from rest to it does, as far as it is possible.

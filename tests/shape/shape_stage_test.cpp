@@ -262,3 +262,19 @@ TEST_CASE("shape stage: solve does not allocate, in any tier, whatever happens")
     CHECK(after == before);
   }
 }
+
+TEST_CASE("shape stage: the measures alone are those of the map's shape") {
+  ShapeStage measures = stage_of(Tier::kMeasures), map = stage_of(Tier::kMap);
+  for (const double mm : {0.5, 2.0, -1.0}) {
+    const FingerShape& alone = measures.solve(slope(mm));
+    const FingerShape& whole = map.solve(slope(mm));
+    CHECK(alone.node_mm.empty());
+    CHECK(alone.source == ShapeSource::kMap);
+    CHECK(alone.quality == Quality::kFresh);
+    // The stage moves the plates of a whole shape exactly, the map nearly so.
+    CHECK(alone.rms_mm == doctest::Approx(whole.rms_mm).epsilon(0.01));
+    CHECK(alone.front_rms_mm == doctest::Approx(whole.front_rms_mm).epsilon(0.01));
+    CHECK(alone.largest_mm == doctest::Approx(whole.largest_mm).epsilon(0.02));
+  }
+  CHECK(measures.solve(PlatePoses{}).quality == Quality::kInvalid);
+}
