@@ -15,8 +15,10 @@ struct Options {
   std::string size = "default";
 };
 
-const std::map<std::string, MeshSize> kSizes = {
-    {"coarse", MeshSize::kCoarse}, {"default", MeshSize::kDefault}, {"fine", MeshSize::kFine}};
+const std::map<std::string, MeshSize> kSizes = {{"coarse", MeshSize::kCoarse},
+                                                {"default", MeshSize::kDefault},
+                                                {"medium", MeshSize::kMedium},
+                                                {"fine", MeshSize::kFine}};
 
 void run(const Options& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
@@ -38,7 +40,9 @@ void add_mesh_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand("mesh", "mesh a finger and write it for ParaView");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command->add_option("-o,--output", options->output, "file to write (.vtu)")->required();
-  command->add_option("--size", options->size, "coarse, default or fine: about 1,700, 3,500 or 16,000 tetrahedra")
+  command
+      ->add_option("--size", options->size,
+                   "coarse, default, medium or fine: about 1,700, 3,500, 6,000 or 16,000 tetrahedra")
       ->check(CLI::IsMember(kSizes));
   command->callback([options] { run(*options); });
 }

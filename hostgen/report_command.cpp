@@ -5,7 +5,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "firmware/input_error.h"
 #include "hostgen/commands.h"
+#include "hostgen/common.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/report/build_figures.h"
 #include "hostgen/report/results.h"
@@ -15,13 +17,27 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path pack, session, folder;
+  std::filesystem::path pack, session, folder, bench;
   bool quick = false;
   std::vector<std::string> areas;
 };
 
+/// Nothing without a file: then only the report's own part is measured.
+nlohmann::json bench_figures(const std::filesystem::path& file) {
+  if (file.empty()) return {{"solver", {{"why", "no file of the program bench was given"}}}};
+  try {
+    return nlohmann::json::parse(read_file(file));
+  } catch (const nlohmann::json::exception& error) {
+    throw InputError(file.string(), error.what());
+  }
+}
+
 nlohmann::json measure(const std::string& area, const Options& options, const Model& model) {
-  if (area == "solver") return measure_solver(model, options.folder, options.quick);
+  if (area == "solver") {
+    nlohmann::json figures = measure_solver(model, bench_figures(options.bench), options.folder, options.quick);
+    figures["hard_cases"] = measure_hard_cases(model, options.quick);
+    return figures;
+  }
   if (area == "modbus") return measure_modbus(options.quick);
   if (area == "vision") return measure_vision(model, options.session, options.quick);
   const nlohmann::json built = read_build_figures(options.pack);  // fem and touch were measured when the pack was made
@@ -33,8 +49,8 @@ void run(const Options& options) {
   std::filesystem::create_directories(options.folder);
   Results results(options.folder / "results.json");
   for (const std::string& area : report_areas()) {
-    const bool wanted = options.areas.empty() ||
-                        std::find(options.areas.begin(), options.areas.end(), area) != options.areas.end();
+    const bool wanted =
+        options.areas.empty() || std::find(options.areas.begin(), options.areas.end(), area) != options.areas.end();
     if (!wanted) continue;
     std::printf("%s ...\n", area.c_str());
     std::fflush(stdout);
@@ -54,6 +70,7 @@ void add_report_command(CLI::App& app) {
       ->check(CLI::IsMember(report_areas()));
   command->add_option("--pack", options->pack, "model pack")->required();
   command->add_option("--session", options->session, "rendered session, for area vision")->required();
+  command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();
   command->add_flag("--quick", options->quick, "shorter motions and fewer reads");
   command->callback([options] { run(*options); });

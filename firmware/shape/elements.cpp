@@ -73,10 +73,14 @@ Elements<S>::Elements(const ShapeModel& model, const Cholesky<S>& cholesky) {
         mean_edge_mm_ += (rest_point(model, tet[a]) - rest_point(model, tet[b])).norm() / (6 * model.tets);
     const auto order = [&](int node) {  // elimination position; fixed nodes after all free ones
       const int free = model.free_index[node];
+      if (free >= model.cholesky.blocks)
+        throw InputError("shape model", "cholesky", std::to_string(model.cholesky.blocks) + " blocks",
+                         "one for free node " + std::to_string(free));
       return free >= 0 ? cholesky.position(free) : model.cholesky.blocks + node;
     };
     std::sort(tet.begin(), tet.end(), [&](int a, int b) { return order(a) < order(b); });
-    if (model.free_index[tet[0]] >= 0) tets.push_back(tet);
+    const auto same_body = [&](int node) { return model.node_kind[node] == model.node_kind[tet[0]]; };
+    if (model.free_index[tet[0]] >= 0 || !std::all_of(tet.begin(), tet.end(), same_body)) tets.push_back(tet);
   }
   for (std::size_t t = 0; t < tets.size(); t += kWidth)
     add_batch(model, cholesky, std::span(tets).subspan(t, std::min<std::size_t>(kWidth, tets.size() - t)));
@@ -192,7 +196,8 @@ S Elements<S>::longest_step(std::span<const S> x, std::span<const S> step) const
     gather(batch, step, dF);
     determinant_cubic(F, dF, c);
     c[0] *= simd::splat<V>(1 - kLeastDeterminant);
-    const V lowest = c[0] + simd::smaller(c[1], zero) + simd::smaller(c[2], zero) + simd::smaller(c[3], zero);
+    // In this order of operands a NaN stays one.
+    const V lowest = c[0] + simd::smaller(zero, c[1]) + simd::smaller(zero, c[2]) + simd::smaller(zero, c[3]);
     for (int lane = 0; lane < kWidth; ++lane) {
       if (lowest[lane] > 0) continue;  // not for NaN
       const double cubic[4] = {static_cast<double>(c[0][lane]), static_cast<double>(c[1][lane]),

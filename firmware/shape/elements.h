@@ -11,15 +11,15 @@
 
 namespace finsight {
 
-/// S is float or double. Positions, steps and gradients are arrays of [3 * nodes]. Tetrahedra without a free node are
-/// left out: they are rigid. Nothing allocates after the constructor.
+/// S is float or double. Positions, steps and gradients are arrays of [3 * nodes]. Tetrahedra of the
+/// base or of one plate alone are left out: they are rigid. Nothing allocates after the constructor.
 template <class S>
 class Elements {
  public:
   /// Throws InputError for a tetrahedron that is inverted at rest.
   Elements(const ShapeModel& model, const Cholesky<S>& cholesky);
 
-  /// Energy, the sum over tetrahedra (paper, section 2.2); infinite if one is inverted.
+  /// Energy, the sum over tetrahedra (paper, section 2.2); infinite if one is inverted or not finite.
   double energy(std::span<const S> x) const;
   /// Its gradient.
   void gradient(std::span<const S> x, std::span<S> g) const;

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
+#include "firmware/input_error.h"
 #include "firmware/shape/flush_denormals.h"
 
 // Legend: x positions, g gradient, H Hessian, index f free nodes, c nodes of the plates (they are moved, not solved
@@ -24,8 +26,14 @@ NewtonSolver<S>::NewtonSolver(const ShapeModel& model, const MountModel& mount)
     : cholesky_(model.cholesky), elements_(model, cholesky_), rigid_plates_(model, mount) {
   for (const float coordinate : model.rest_mm) rest_.push_back(coordinate);
   free_offsets_.resize(model.cholesky.blocks);
+  int free_nodes = 0;
   for (int i = 0; i < model.nodes; ++i)
-    if (model.free_index[i] >= 0) free_offsets_[model.free_index[i]] = 3 * i;
+    if (model.free_index[i] >= 0) ++free_nodes;
+  if (free_nodes != model.cholesky.blocks)
+    throw InputError("shape model", "cholesky", std::to_string(model.cholesky.blocks) + " blocks",
+                     std::to_string(free_nodes) + ", one for every free node");
+  for (int i = 0; i < model.nodes; ++i)
+    if (model.free_index[i] >= 0) free_offsets_.at(model.free_index[i]) = 3 * i;
   for (std::vector<S>* array : {&x_, &before_, &trial_, &step_, &gradient_}) array->resize(rest_.size());
   solution_.resize(3 * free_offsets_.size());
   start_at_rest();
@@ -37,21 +45,57 @@ void NewtonSolver<S>::start_at_rest() {
   plates_ = {};
 }
 
+// Of a given shape only the free nodes count: the base is at rest, and the plates are where their poses put them.
+template <class S>
+void NewtonSolver<S>::assemble_trial(std::span<const float> node_mm, const PlateMotions& plates) {
+  trial_ = rest_;
+  for (const std::int32_t offset : free_offsets_)
+    for (int d = 0; d < 3; ++d) trial_[offset + d] = node_mm[offset + d];
+  rigid_plates_.place<S>(plates, trial_);
+}
+
 template <class S>
 bool NewtonSolver<S>::start_from(std::span<const float> node_mm, const PlatePoses& poses) {
-  for (std::size_t i = 0; i < trial_.size(); ++i) trial_[i] = node_mm[i];
   if (!rigid_plates_.plausible(poses)) return false;
   const PlateMotions plates = plate_motions(poses);
-  rigid_plates_.place<S>(plates, trial_);
+  assemble_trial(node_mm, plates);
   if (!(elements_.smallest_determinant(trial_) > 0)) return false;
   std::swap(x_, trial_);
   plates_ = plates;
   return true;
 }
 
-// Sets the plates' part of the next step and returns how far their nodes have to go.
 template <class S>
-double NewtonSolver<S>::aim(const PlateMotions& plates) {
+void NewtonSolver<S>::start_towards(std::span<const float> node_mm, const PlatePoses& poses) {
+  start_at_rest();
+  if (!rigid_plates_.plausible(poses)) return;
+  const PlateMotions plates = plate_motions(poses);
+  assemble_trial(node_mm, plates);
+  for (std::size_t i = 0; i < x_.size(); ++i) step_[i] = trial_[i] - x_[i];
+  const S part = elements_.longest_step(x_, step_);
+  if (!(part > 0)) return;  // something is not finite
+  for (std::size_t i = 0; i < x_.size(); ++i) x_[i] += part * step_[i];
+  plates_ = between(plates_, plates, static_cast<double>(part));
+}
+
+template <class S>
+bool NewtonSolver<S>::is_jump(const PlatePoses& from, const PlatePoses& to) const {
+  return rigid_plates_.furthest_mm(plate_motions(from), plate_motions(to)) > kMostFactorisations * plate_step_mm();
+}
+
+// Sets the plates' part of the next step: all the way, or as far as one step may carry them. Returns how far their
+// nodes have to go in all.
+template <class S>
+double NewtonSolver<S>::aim(const PlateMotions& target) {
+  const double distance_mm = aim_at(target);
+  aim_is_target_ = distance_mm <= plate_step_mm();
+  plates_move_ = distance_mm > 0;
+  if (!aim_is_target_) aim_at(between(plates_, target, 1 / std::ceil(distance_mm / plate_step_mm())));
+  return distance_mm;
+}
+
+template <class S>
+double NewtonSolver<S>::aim_at(const PlateMotions& plates) {
   aim_ = plates;
   double furthest_sq = 0;
   rigid_plates_.for_each_node(plates, [&](int node, const Eigen::Vector3d& position) {
@@ -66,9 +110,8 @@ double NewtonSolver<S>::aim(const PlateMotions& plates) {
 }
 
 template <class S>
-int NewtonSolver<S>::parts_of(double distance_mm) const {
-  const double parts = std::ceil(distance_mm / (kPlateStepEdges * elements_.mean_edge_mm()));
-  return static_cast<int>(std::clamp(parts, 1.0, static_cast<double>(kMostFactorisations)));
+double NewtonSolver<S>::plate_step_mm() const {
+  return kPlateStepEdges * elements_.mean_edge_mm();
 }
 
 template <class S>
@@ -78,14 +121,13 @@ typename NewtonSolver<S>::Outcome NewtonSolver<S>::solve(const PlatePoses& poses
   if (!rigid_plates_.plausible(poses)) return outcome;
   before_ = x_;
   const PlateMotions start = plates_, target = plate_motions(poses);
-  const int parts = parts_of(aim(target));
   for (int k = 1; k <= std::max(factorisations, kMostFactorisations); ++k) {
-    aim(k < parts ? between(start, target, static_cast<double>(k) / parts) : target);
+    aim(target);
     if (!take_step(true, false, outcome)) return fail(outcome, start);
-    for (int chord = 0; chord < chord_steps && k >= parts; ++chord)
+    outcome.ok = aim_is_target_ && plates_at_aim_;
+    for (int chord = 0; chord < chord_steps && outcome.ok; ++chord)
       if (!take_step(false, false, outcome)) return fail(outcome, start);
-    outcome.ok = k >= parts && plates_at_aim_;
-    if (outcome.ok && k >= factorisations) break;
+    if (outcome.ok && k >= factorisations && outcome.last_step_mm <= plate_step_mm() / 2) break;
   }
   return outcome;
 }
@@ -99,12 +141,10 @@ typename NewtonSolver<S>::Outcome NewtonSolver<S>::converge(const PlatePoses& po
   before_ = x_;
   const PlateMotions start = plates_, target = plate_motions(poses);
   while (!outcome.ok && outcome.steps < most_steps) {
-    const double distance = aim(target);
-    const int parts = parts_of(distance);
-    if (parts > 1) aim(between(plates_, target, 1.0 / parts));
     // While the plates move, the energy rises with their work: nothing to search then.
-    if (!take_step(true, distance == 0, outcome)) return fail(outcome, start);
-    outcome.ok = parts == 1 && plates_at_aim_ && outcome.last_step_mm <= tolerance_mm;
+    const bool search = aim(target) == 0;
+    if (!take_step(true, search, outcome)) return fail(outcome, start);
+    outcome.ok = aim_is_target_ && plates_at_aim_ && outcome.last_step_mm <= tolerance_mm;
   }
   return outcome;
 }
@@ -149,7 +189,7 @@ bool NewtonSolver<S>::take_step(bool new_factor, bool search, Outcome& outcome) 
   if (!(length > 0)) return false;  // something is not finite
   if (search) length = search_line(length, slope);
   outcome.last_step_mm = length * largest;
-  if (new_factor) plates_at_aim_ = length == 1;
+  if (new_factor) plates_at_aim_ = length == 1 || !plates_move_;
   move(length);
   return true;
 }

@@ -1,6 +1,7 @@
 #include "firmware/shape/rigid_plates.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 
@@ -52,6 +53,17 @@ bool RigidPlates::plausible(const PlatePoses& poses) const {
     return displacement.allFinite() && plate.rotation_rad.allFinite() &&
            displacement.norm() <= kMostExtents * extent_mm_ && plate.rotation_rad.cast<double>().norm() <= kMostRadians;
   });
+}
+
+double RigidPlates::furthest_mm(const PlateMotions& a, const PlateMotions& b) const {
+  double furthest_sq = 0;
+  for (int p = 0; p < kPlates; ++p) {
+    const Eigen::Matrix3d turn = b[p].rotation.toRotationMatrix() - a[p].rotation.toRotationMatrix();
+    const Eigen::Vector3d shift = b[p].displacement_mm - a[p].displacement_mm;
+    for (const Node& node : nodes_[p])
+      furthest_sq = std::max(furthest_sq, (turn * node.from_centre_mm + shift).squaredNorm());
+  }
+  return std::sqrt(furthest_sq);
 }
 
 }  // namespace finsight

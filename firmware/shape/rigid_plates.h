@@ -29,6 +29,9 @@ class RigidPlates {
   /// Finite, and nowhere further from rest than a few lengths of the finger or one turn.
   bool plausible(const PlatePoses& poses) const;
 
+  /// The longest way that a node of the plates has from its place under `a` to that under `b`.
+  double furthest_mm(const PlateMotions& a, const PlateMotions& b) const;
+
   /// Calls use(node, position) for every node of the plates.
   template <class Use>
   void for_each_node(const PlateMotions& motions, Use use) const {

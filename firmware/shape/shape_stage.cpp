@@ -2,13 +2,24 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <vector>
 
 #include "firmware/shape/newton.h"
 #include "firmware/shape/shape_map.h"
 
 namespace finsight {
+
+namespace {
+
+// A shape is taken for a wrong minimum if the map's shape, which is not converged, costs less than this part of its
+// elastic energy, by more than what rounding leaves of the energy at rest.
+constexpr double kWrongMinimum = 0.9, kEnergyRounding = 1e-6;
+
+// Elastic energy, as a part of the energy at rest, above which the plates are where no finger has them: strains of 40 %
+// all over. (Bent by 40 mm and twisted by 90 degrees it is 0.02.)
+constexpr double kMostStrain = 0.1;
+
+}  // namespace
 
 struct ShapeStage::Workspace {
   Workspace(const ShapeModel& model, const ShapeMapModel& map_model, const MountModel& mount,
@@ -18,17 +29,18 @@ struct ShapeStage::Workspace {
         front_nodes(model.front_nodes),
         map(map_model, model),
         plates(model, mount),
-        map_mm(rest_mm.begin(), rest_mm.end()) {
-    if (settings.tier != ShapeSettings::Tier::kMap) newton.emplace(model, mount);
-    shape.node_mm = map_mm;
+        newton(model, mount),
+        map_mm(rest_mm.begin(), rest_mm.end()),
+        rest_energy(newton.energy()) {
+    shape.node_mm = newton.node_mm();
   }
 
-  void run_map(const PlatePoses& poses) {
-    map.evaluate(plate_numbers(poses), map_mm);
-    plates.place<float>(plate_motions(poses), map_mm);
-  }
+  void answer_by_measures(const PlatePoses& poses);
   void answer_by_map(const PlatePoses& poses);
   void answer_by_newton(const PlatePoses& poses);
+  bool solve(const PlatePoses& poses);
+  bool wrong_minimum() const;
+  bool strained() const { return newton.energy() - rest_energy > kMostStrain * rest_energy; }
   void measure();
 
   ShapeSettings settings;
@@ -36,9 +48,11 @@ struct ShapeStage::Workspace {
   std::span<const std::int32_t> front_nodes;
   ShapeMap map;
   RigidPlates plates;
-  std::optional<NewtonSolver<float>> newton;
-  std::vector<float> map_mm;
-  bool has_last = false;  // the solver holds the last frame's shape
+  NewtonSolver<float> newton;  // holds the published shape
+  std::vector<float> map_mm;   // the map's shape of this frame
+  double rest_energy;
+  PlatePoses last_poses;
+  bool has_last = false;  // the solver holds the last frame's shape, that of last_poses or on the way there
   FingerShape shape;
 };
 
@@ -61,41 +75,72 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses) {
   }
   if (!work_->plates.plausible(poses)) {
     shape.fallback = true;
-  } else if (work_->newton) {
-    work_->answer_by_newton(poses);
+  } else if (work_->settings.tier == ShapeSettings::Tier::kMeasures) {
+    work_->answer_by_measures(poses);
   } else {
-    work_->answer_by_map(poses);
+    work_->map.evaluate(plate_numbers(poses), work_->map_mm);
+    work_->plates.place<float>(plate_motions(poses), work_->map_mm);
+    if (work_->settings.tier == ShapeSettings::Tier::kMap) {
+      work_->answer_by_map(poses);
+    } else {
+      work_->answer_by_newton(poses);
+    }
+    shape.node_mm = work_->newton.node_mm();
   }
   const bool measured = poses.quality == Quality::kFresh && poses.seen_count() == kPlates && !shape.fallback;
   shape.quality = shape.source == ShapeSource::kRest ? Quality::kInvalid : measured ? Quality::kFresh : Quality::kHeld;
-  work_->measure();
+  if (work_->settings.tier != ShapeSettings::Tier::kMeasures) work_->measure();
   return shape;
 }
 
-void ShapeStage::Workspace::answer_by_map(const PlatePoses& poses) {
-  run_map(poses);
+void ShapeStage::Workspace::answer_by_measures(const PlatePoses& poses) {
+  const ShapeMap::Measures measures = map.measure(plate_numbers(poses));
   shape.source = ShapeSource::kMap;
+  shape.node_mm = {};
+  shape.rms_mm = measures.rms_mm;
+  shape.front_rms_mm = measures.front_rms_mm;
+  shape.largest_mm = measures.largest_mm;
 }
 
-// The map's shape is where the solver starts when it has no last shape, and where it goes when it fails. A map's shape
-// with an inverted element is not taken over; the solver then stays with what it has.
+// A shape with an inverted tetrahedron never goes out: the way from rest to it does, as far as it is possible.
+void ShapeStage::Workspace::answer_by_map(const PlatePoses& poses) {
+  shape.source = ShapeSource::kMap;
+  const bool usable = newton.start_from(map_mm, poses);
+  if (!usable) newton.start_towards(map_mm, poses);
+  shape.fallback = !usable || strained();
+}
+
+// The map's shape is where the solver starts when it has no last shape or the plates have jumped, where it starts over
+// when it got into a wrong minimum, and the answer when it fails. If the map's shape is none, the answer is how far the
+// solver came, and the next frame goes on from there.
 void ShapeStage::Workspace::answer_by_newton(const PlatePoses& poses) {
-  const bool start = !has_last || settings.tier == ShapeSettings::Tier::kMapAndNewton;
-  if (start) {
-    run_map(poses);
-    newton->start_from(map_mm, poses);
+  const bool follow = has_last && settings.tier == ShapeSettings::Tier::kNewton && !newton.is_jump(last_poses, poses);
+  if (!follow && !newton.start_from(map_mm, poses)) newton.start_towards(map_mm, poses);
+  bool ok = solve(poses);
+  if (follow && (!ok || wrong_minimum()) && newton.start_from(map_mm, poses)) ok = solve(poses);
+  shape.source = ShapeSource::kNewton;
+  shape.fallback = !ok || strained();
+  has_last = true;
+  last_poses = poses;
+  if (!ok && newton.start_from(map_mm, poses)) {
+    shape.source = ShapeSource::kMap;
+    has_last = false;
   }
-  const auto outcome = newton->solve(poses, settings.factorisations, settings.chord_steps);
-  shape.iterations = outcome.steps;
-  has_last = outcome.ok;
-  if (outcome.ok) {
-    shape.source = ShapeSource::kNewton;
-  } else {
-    shape.fallback = true;
-    if (!start) run_map(poses);
-    if (newton->start_from(map_mm, poses)) shape.source = ShapeSource::kMap;
-  }
-  shape.node_mm = newton->node_mm();
+}
+
+// The step bound keeps determinants positive, but a tenth of a tenth of a tenth ends in rounding: an energy that is not
+// finite tells.
+bool ShapeStage::Workspace::solve(const PlatePoses& poses) {
+  const auto outcome = newton.solve(poses, settings.factorisations, settings.chord_steps);
+  shape.iterations += outcome.steps;
+  if (std::isfinite(newton.energy())) return outcome.ok;
+  newton.start_towards(map_mm, poses);
+  return false;
+}
+
+bool ShapeStage::Workspace::wrong_minimum() const {
+  return newton.energy_of(map_mm) <
+         rest_energy + kWrongMinimum * (newton.energy() - rest_energy) - kEnergyRounding * rest_energy;
 }
 
 void ShapeStage::Workspace::measure() {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numeric>
 #include <set>
+#include <span>
 #include <string>
 
 #include "firmware/input_error.h"
@@ -30,13 +31,13 @@ std::vector<std::uint8_t> node_kinds(const TetMesh& mesh) {
   return kind;
 }
 
-// Free nodes that share a tetrahedron, in numbers of free nodes.
-std::vector<std::vector<int>> couplings(const TetMesh& mesh, const std::vector<std::int32_t>& free_index,
-                                        int free_nodes) {
+// Free nodes that share a tetrahedron, in numbers of free nodes. tet_nodes: four per tetrahedron.
+std::vector<std::vector<int>> couplings(std::span<const std::int32_t> tet_nodes,
+                                        const std::vector<std::int32_t>& free_index, int free_nodes) {
   std::vector<std::set<int>> found(free_nodes);
-  for (const auto& tet : mesh.tets)
-    for (const int a : tet)
-      for (const int b : tet)
+  for (std::size_t t = 0; t < tet_nodes.size(); t += 4)
+    for (const int a : tet_nodes.subspan(t, 4))
+      for (const int b : tet_nodes.subspan(t, 4))
         if (a != b && free_index[a] >= 0 && free_index[b] >= 0) found[free_index[a]].insert(free_index[b]);
   std::vector<std::vector<int>> neighbours;
   for (const auto& set : found) neighbours.emplace_back(set.begin(), set.end());
@@ -85,9 +86,22 @@ ShapeModelData make_shape_model(const TetMesh& mesh) {
     model.free_index.push_back(model.node_kind[i] == kFree ? free_nodes++ : -1);
   }
   model.front_nodes.assign(mesh.front_nodes.begin(), mesh.front_nodes.end());
-  model.cholesky = plan_cholesky(couplings(mesh, model.free_index, free_nodes));
+  const std::span<const std::int32_t> tet_nodes(mesh.tets.front().data(), 4 * mesh.tets.size());
+  model.cholesky = plan_cholesky(couplings(tet_nodes, model.free_index, free_nodes));
   for (const int t : tets_by_elimination(mesh, model.free_index, model.cholesky))
     model.tet_nodes.insert(model.tet_nodes.end(), mesh.tets[t].begin(), mesh.tets[t].end());
+  return model;
+}
+
+ShapeModelData make_soft_shape_model(const ShapeModel& shape) {
+  ShapeModelData model;
+  model.rest_mm.assign(shape.rest_mm.begin(), shape.rest_mm.end());
+  model.tet_nodes.assign(shape.tet_nodes.begin(), shape.tet_nodes.end());
+  model.front_nodes.assign(shape.front_nodes.begin(), shape.front_nodes.end());
+  model.node_kind.assign(shape.node_kind.begin(), shape.node_kind.end());
+  int free_nodes = 0;
+  for (const std::uint8_t kind : model.node_kind) model.free_index.push_back(kind == kBase ? -1 : free_nodes++);
+  model.cholesky = plan_cholesky(couplings(model.tet_nodes, model.free_index, free_nodes));
   return model;
 }
 

@@ -16,4 +16,7 @@ struct ShapeModelData {
 };
 ShapeModelData make_shape_model(const TetMesh& mesh);
 
+/// The same mesh for SoftNewtonSolver: the nodes of the plates are free, too.
+ShapeModelData make_soft_shape_model(const ShapeModel& shape);
+
 }  // namespace finsight::host

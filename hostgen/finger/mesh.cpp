@@ -31,6 +31,8 @@ const char* switches(MeshSize size) {
       return "pq1.4/15AQT1e-10";
     case MeshSize::kFine:
       return "pq1.4/15a20AQT1e-10";
+    case MeshSize::kMedium:
+      return "pq1.4/15a70AQT1e-10";
   }
   throw std::logic_error("unknown mesh size");
 }

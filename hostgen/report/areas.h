@@ -9,8 +9,13 @@
 namespace finsight::host {
 
 /// Time per frame of the shape stage against the distance to the converged shape, for fixed schedules and the map, over
-/// motions at 60 frames/s; plots speed_error.svg into `folder`. `quick`: shorter motions.
-nlohmann::json measure_solver(const Model& model, const std::filesystem::path& folder, bool quick);
+/// motions at 60 frames/s; plots speed_error.svg into `folder`. `bench`: the program bench's figures, which become part
+/// of the result. `quick`: fewer motions and schedules.
+nlohmann::json measure_solver(const Model& model, const nlohmann::json& bench, const std::filesystem::path& folder,
+                              bool quick);
+
+/// The table of hard cases on this model. `quick`: a short random walk.
+nlohmann::json measure_hard_cases(const Model& model, bool quick);
 
 /// A client's time for one read of 40 registers over loopback, alone and beside a client that sends what is refused.
 nlohmann::json measure_modbus(bool quick);

@@ -21,4 +21,13 @@ PlatePoses bent_plates(const MountModel& mount, double bend_mm, double sideways_
 PlateMotionPath bend_and_return(const MountModel& mount, const std::string& name, double bend_mm, double sideways_mm,
                                 double twist_rad, double speed);
 
+/// What the report measures the shape solver with: a calm bend, the hard one, the hard one four times as fast, a noisy
+/// one.
+std::vector<PlateMotionPath> report_motions(const MountModel& mount);
+
+using Shapes = std::vector<std::vector<double>>;  ///< of every frame, [3 * nodes] in mm
+
+/// The converged shapes of a motion, each from the last. Throws std::runtime_error where there is none.
+Shapes converged_shapes(const ShapeModel& model, const MountModel& mount, const PlateMotionPath& motion);
+
 }  // namespace finsight::host

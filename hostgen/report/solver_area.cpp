@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -12,7 +11,9 @@
 #include "hostgen/common.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/report/gnuplot.h"
+#include "hostgen/report/hard_cases.h"
 #include "hostgen/report/motions.h"
+#include "hostgen/report/shape_distance.h"
 
 namespace finsight::host {
 
@@ -25,76 +26,74 @@ struct Schedule {
   ShapeSettings settings;
 };
 
-// Far more steps than it takes: further ones change nothing above rounding.
-constexpr ShapeSettings kConverged{ShapeSettings::Tier::kNewton, 10, 5};
-
-std::vector<Schedule> schedules() {
+std::vector<Schedule> schedules(bool quick) {
   using Tier = ShapeSettings::Tier;
-  std::vector<Schedule> list = {{"map", {Tier::kMap, 1, 0}}, {"map+newton", {Tier::kMapAndNewton, 1, 0}}};
-  for (const int factorisations : {1, 2, 3, 5}) list.push_back({"newton", {Tier::kNewton, factorisations, 0}});
-  for (const int chords : {1, 2}) list.push_back({"newton", {Tier::kNewton, 1, chords}});
-  list.push_back({"converged", kConverged});
+  std::vector<Schedule> list = {
+      {"measures", {Tier::kMeasures, 1, 0}}, {"map", {Tier::kMap, 1, 0}}, {"map+newton", {Tier::kMapAndNewton, 1, 0}}};
+  for (int factorisations = 1; factorisations <= 5; ++factorisations) {
+    for (int chords = 0; chords <= 2; ++chords) {
+      const bool is_basic = factorisations + chords <= 2;
+      if (is_basic || !quick) list.push_back({"newton", {Tier::kNewton, factorisations, chords}});
+    }
+  }
   return list;
 }
 
-using Shapes = std::vector<std::vector<float>>;
-
-Shapes converged(const Model& model, const PlateMotionPath& motion) {
-  ShapeStage stage(model, kConverged);
-  Shapes shapes;
-  for (const PlatePoses& poses : motion.frames) {
-    if (interrupted()) throw Interrupted();
-    stage.solve(poses);
-    const FingerShape& shape = stage.solve(poses);
-    shapes.emplace_back(shape.node_mm.begin(), shape.node_mm.end());
+/// What the three measures of a shape without nodes are off: the worst and the mean of them.
+ShapeDistance measures_distance(const ShapeModel& model, const FingerShape& shape, const std::vector<double>& truth) {
+  double all = 0, front = 0, largest = 0;
+  const auto squared_mm2 = [&](std::size_t node) {
+    double sum = 0;
+    for (std::size_t i = 3 * node; i < 3 * node + 3; ++i) {
+      const double u = truth[i] - static_cast<double>(model.rest_mm[i]);
+      sum += u * u;
+    }
+    return sum;
+  };
+  for (std::size_t node = 0; node < truth.size() / 3; ++node) {
+    all += squared_mm2(node);
+    largest = std::max(largest, squared_mm2(node));
   }
-  return shapes;
-}
-
-struct Distance {
-  double worst_mm = 0, mean_mm = 0;
-};
-
-/// Over all nodes of one frame.
-Distance distance(std::span<const float> a, std::span<const float> b) {
-  Distance d;
-  for (std::size_t i = 0; i < a.size(); i += 3) {
-    const double dx = a[i] - b[i], dy = a[i + 1] - b[i + 1], dz = a[i + 2] - b[i + 2];
-    const double mm = std::sqrt(dx * dx + dy * dy + dz * dz);
-    d.worst_mm = std::max(d.worst_mm, mm);
-    d.mean_mm += mm / static_cast<double>(a.size() / 3);
-  }
-  return d;
+  for (const std::int32_t node : model.front_nodes) front += squared_mm2(static_cast<std::size_t>(node));
+  const double off[] = {
+      std::abs(static_cast<double>(shape.rms_mm) - std::sqrt(3 * all / static_cast<double>(truth.size()))),
+      std::abs(static_cast<double>(shape.front_rms_mm) -
+               std::sqrt(front / static_cast<double>(std::max<std::size_t>(model.front_nodes.size(), 1)))),
+      std::abs(static_cast<double>(shape.largest_mm) - std::sqrt(largest))};
+  return {std::max({off[0], off[1], off[2]}), (off[0] + off[1] + off[2]) / 3};
 }
 
 json measure(const Model& model, const Schedule& schedule, const PlateMotionPath& motion, const Shapes& truth) {
   ShapeStage stage(model, schedule.settings);
   stage.solve(motion.frames.front());
   std::vector<double> us;
-  Distance total;
+  ShapeDistance total;
   for (std::size_t k = 0; k < motion.frames.size(); ++k) {
     const auto start = std::chrono::steady_clock::now();
     const FingerShape& shape = stage.solve(motion.frames[k]);
     us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
-    const Distance d = distance(shape.node_mm, truth[k]);
+    const ShapeDistance d = shape.node_mm.empty() ? measures_distance(model.shape, shape, truth[k])
+                                                  : shape_distance(shape.node_mm, std::span<const double>(truth[k]));
     total.worst_mm = std::max(total.worst_mm, d.worst_mm);
     total.mean_mm += d.mean_mm / static_cast<double>(motion.frames.size());
   }
   std::nth_element(us.begin(), us.begin() + static_cast<std::ptrdiff_t>(us.size() / 2), us.end());
-  return {{"tier", schedule.tier},
-          {"mesh_tets", model.shape.tets},
-          {"factorisations", schedule.settings.tier == ShapeSettings::Tier::kMap ? 0 : schedule.settings.factorisations},
-          {"chords", schedule.settings.chord_steps},
-          {"scalar", "float"},
-          {"motion", motion.name},
-          {"us_per_frame", us[us.size() / 2]},
-          {"worst_mm", total.worst_mm},
-          {"mean_mm", total.mean_mm}};
+  return {
+      {"tier", schedule.tier},
+      {"mesh_tets", model.shape.tets},
+      {"factorisations", schedule.settings.tier <= ShapeSettings::Tier::kMap ? 0 : schedule.settings.factorisations},
+      {"chords", schedule.settings.chord_steps},
+      {"scalar", "float"},
+      {"motion", motion.name},
+      {"us_per_frame", us[us.size() / 2]},
+      {"worst_mm", total.worst_mm},
+      {"mean_mm", total.mean_mm}};
 }
 
 void plot(const json& rows, const std::filesystem::path& folder) {
   Gnuplot plot(folder / "speed_error.svg");
-  plot.line("set logscale xy; set xlabel 'microseconds per frame'; set ylabel 'worst distance to the converged shape, mm'");
+  plot.line(
+      "set logscale xy; set xlabel 'microseconds per frame'; set ylabel 'worst distance to the converged shape, mm'");
   plot.line("set key outside right; set format y '10^{%T}'; set grid");
   std::string command = "plot";
   std::string data;
@@ -104,7 +103,8 @@ void plot(const json& rows, const std::filesystem::path& folder) {
     if (motions.empty() || motions.back() != motion) motions.push_back(motion);
   }
   for (const std::string& motion : motions) {
-    command += (command == "plot" ? " " : ", ") + ("'-' using 1:2:3 with labels point pt 7 offset 1,0.6 left title '" + motion + "'");
+    command += (command == "plot" ? " " : ", ") +
+               ("'-' using 1:2:3 with labels point pt 7 offset 1,0.6 left title '" + motion + "'");
     for (const json& row : rows) {
       if (row["motion"] != motion) continue;
       char line[128];
@@ -122,38 +122,54 @@ void plot(const json& rows, const std::filesystem::path& folder) {
 
 }  // namespace
 
-json measure_solver(const Model& model, const std::filesystem::path& folder, bool quick) {
-  constexpr double kDegree = std::numbers::pi / 180;
-  std::vector<PlateMotionPath> motions = {
-      bend_and_return(model.mount, "bend 10 mm", 10, 0, 0, 1),
-      bend_and_return(model.mount, "bend 30 mm + twist 45 deg", 30, 0, 45 * kDegree, 1)};
-  if (!quick) {
-    motions.push_back(bend_and_return(model.mount, "the same, 4 times as fast", 30, 0, 45 * kDegree, 4));
-    motions.push_back(bend_and_return(model.mount, "bend 20 + sideways 10 mm - twist 30 deg", 20, 10, -30 * kDegree, 1));
-  }
+json measure_solver(const Model& model, const json& bench, const std::filesystem::path& folder, bool quick) {
+  std::vector<PlateMotionPath> motions = report_motions(model.mount);
+  if (quick) motions.resize(2);
   json rows = json::array();
-  double one_ms = 0, two_ms = 0;
-  Progress progress("shape solver", motions.size() * (schedules().size() + 1));
+  Progress progress("shape stage", motions.size() * (schedules(quick).size() + 1));
   for (const PlateMotionPath& motion : motions) {
-    const Shapes truth = converged(model, motion);
+    const Shapes truth = converged_shapes(model.shape, model.mount, motion);
     progress.advance();
-    for (const Schedule& schedule : schedules()) {
+    for (const Schedule& schedule : schedules(quick)) {
       if (interrupted()) throw Interrupted();
       rows.push_back(measure(model, schedule, motion, truth));
       progress.advance();
-      if (schedule.tier == "newton" && schedule.settings.chord_steps == 0 && motion.name == motions[0].name) {
-        if (schedule.settings.factorisations == 1) one_ms = rows.back()["us_per_frame"].get<double>() / 1000;
-        if (schedule.settings.factorisations == 2) two_ms = rows.back()["us_per_frame"].get<double>() / 1000;
-      }
     }
   }
   plot(rows, folder);
-  return {{"speed_error", rows},
-          {"mesh",
-           {{"nodes", model.shape.nodes},
-            {"tets", model.shape.tets},
-            {"why", "the smallest dihedral angle is printed by hostgen build and not kept beside the pack"}}},
-          {"solver", {{"iteration_ms", two_ms - one_ms}, {"why", "the published method is not built yet"}}}};
+  json figures = {{"mesh", {{"nodes", model.shape.nodes}, {"tets", model.shape.tets}}}};
+  if (!bench.contains("mesh")) figures["mesh"]["why"] = "the program bench measures the smallest angle";
+  figures.update(bench, true);
+  for (const json& row : bench.value("speed_error", json::array())) rows.push_back(row);
+  figures["speed_error"] = rows;
+  return figures;
+}
+
+json measure_hard_cases(const Model& model, bool quick) {
+  std::printf("hard cases ...\n");
+  std::fflush(stdout);
+  json cases = json::array();
+  int non_finite = 0, inverted_unflagged = 0, worst_iterations = 0, bad = 0;
+  for (const HardCaseResult& result :
+       run_hard_cases({model.shape, model.shape_map, model.mount}, quick ? 200 : 100000)) {
+    non_finite += result.non_finite;
+    inverted_unflagged += result.inverted_unflagged;
+    worst_iterations = std::max(worst_iterations, result.most_steps);
+    bad += !result.good();
+    cases.push_back({{"name", result.name},
+                     {"frames", result.frames},
+                     {"flagged", result.flagged},
+                     {"iterations", result.most_steps},
+                     {"worst_mm", result.worst_mm},
+                     {"end_mm", result.end_mm},
+                     {"good", result.good()}});
+  }
+  return {{"total", cases.size()},
+          {"bad", bad},
+          {"non_finite", non_finite},
+          {"inverted_unflagged", inverted_unflagged},
+          {"worst_iterations", worst_iterations},
+          {"cases", cases}};
 }
 
 }  // namespace finsight::host

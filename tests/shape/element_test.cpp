@@ -4,6 +4,7 @@
 
 #include <Eigen/Dense>
 
+#include "hostgen/report/second_order.h"
 #include "tests/shape/frame_mesh.h"
 
 using namespace finsight;
@@ -158,6 +159,25 @@ TEST_CASE("element: the Hessian agrees with finite differences of the gradient w
     CHECK((from_blocks(H) - expected).norm() <= 1e-6 * expected.norm());
   }
   CHECK(checked == 100);
+}
+
+TEST_CASE("element: energy, gradient and Hessian agree with automatic differentiation") {
+  Random random(8);
+  for (int i = 0; i < 200; ++i) {
+    const Sample sample = random_sample(random, i);
+    const auto exact = host::dirichlet_by_differentiation(sample.x.data(), sample.B.data());
+    CHECK(energy_at(sample.x, sample) == doctest::Approx(sample.weight * exact.value).epsilon(1e-12));
+    const Vector12 g = gradient_at(sample.x, sample);
+    CHECK((g - sample.weight * exact.gradient).norm() <= 1e-10 * (g.norm() + 1));
+    // The exact Hessian of the twelve coordinates follows from that of F; the projected one from it by clamping.
+    const Eigen::Matrix<double, 9, 12> G = chain(sample.B);
+    const Matrix9 of_F = dirichlet_hessian(sample.F);
+    CHECK((G.transpose() * of_F * G - exact.hessian).norm() <= 1e-10 * exact.hessian.norm());
+    if (Eigen::SelfAdjointEigenSolver<Matrix9>(of_F).eigenvalues()[0] < 0) continue;
+    double unused[12], H[90];
+    element_hessian(sample.F.data(), sample.B.data(), sample.weight, unused, H);
+    CHECK((from_blocks(H) - sample.weight * exact.hessian).norm() <= 1e-10 * from_blocks(H).norm());
+  }
 }
 
 TEST_CASE("element: clamping the twist eigenvalues is the projection of the dense 9x9 Hessian") {

@@ -7,9 +7,14 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/fem/shape_model.h"
+#include "hostgen/finger/mesh.h"
+#include "hostgen/finger/mount.h"
+#include "hostgen/report/hard_motions.h"
+#include "hostgen/report/shape_distance.h"
 #include "tests/count_allocations.h"
 #include "tests/shape/finger_motion.h"
 #include "tests/shape/frame_mesh.h"
+#include "tests/slow_build.h"
 
 using namespace finsight;
 using test::Bend;
@@ -32,16 +37,6 @@ const Finger& finger() {
 const Finger& small_finger() {
   static const Finger the_finger(test::frame_mesh(4, 12, 5));
   return the_finger;
-}
-
-template <class A, class B>
-double largest_distance(std::span<A> a, std::span<B> b) {
-  double largest = 0;
-  for (std::size_t i = 0; i < a.size(); i += 3)
-    largest = std::max(largest, std::hypot(static_cast<double>(a[i]) - static_cast<double>(b[i]),
-                                           static_cast<double>(a[i + 1]) - static_cast<double>(b[i + 1]),
-                                           static_cast<double>(a[i + 2]) - static_cast<double>(b[i + 2])));
-  return largest;
 }
 
 template <class S>
@@ -110,7 +105,7 @@ TEST_CASE("newton: near the minimum every step leaves less than an eighth of the
   REQUIRE(solver.converge(poses, 0.3, 200).ok);
   std::vector<double> errors;
   for (int k = 0; k < 5; ++k) {
-    errors.push_back(largest_distance(solver.node_mm(), reference.node_mm()));
+    errors.push_back(host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm);
     REQUIRE(solver.solve(poses, 1, 0).ok);
   }
   CAPTURE(errors[0]);
@@ -134,12 +129,12 @@ TEST_CASE("newton: one factorisation and one chord step per frame follow a 30 mm
     REQUIRE(outcome.ok);
     CHECK(outcome.steps == 2);
     CHECK(solver.smallest_determinant() > 0);
-    worst = std::max(worst, largest_distance(solver.node_mm(), reference.node_mm()));
+    worst = std::max(worst, host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm);
   }
   MESSAGE("worst distance to the converged shape: " << worst << " mm");
   CHECK(worst <= 0.02);
   CHECK(largest_plate_gap(f, solver, kHard.poses(f.mount)) < 1e-4);
-  CHECK(largest_distance(solver.node_mm(), reference.node_mm()) < 1e-4);  // ten frames of rest later
+  CHECK(host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm < 1e-4);  // ten frames of rest later
 }
 
 TEST_CASE("newton: jumps from rest to the extreme and back split their motion and never invert an element") {
@@ -239,8 +234,84 @@ TEST_CASE("newton: the size of the finger does not matter, metres or micrometres
     }
     std::vector<double> back(scaled_solver.node_mm().begin(), scaled_solver.node_mm().end());
     for (double& coordinate : back) coordinate /= scale;
-    CHECK(largest_distance(solver.node_mm(), std::span<double>(back)) < 1e-3);
+    CHECK(host::shape_distance(solver.node_mm(), std::span<double>(back)).worst_mm < 1e-3);
   }
+}
+
+TEST_CASE("newton: one solve carries no plate further than its bounded steps, and the next ones go on") {
+  const Finger& f = small_finger();
+  const RigidPlates plates(f.model(), f.mount);
+  NewtonSolver<float> solver(f.model(), f.mount);
+  const double most_mm = NewtonSolver<float>::kMostFactorisations * solver.plate_step_mm();
+  const PlatePoses far = Bend{60, 0, 0}.poses(f.mount);
+  CHECK(solver.is_jump(Bend{}.poses(f.mount), far));
+  CHECK_FALSE(solver.is_jump(far, far));
+  double gap_mm = largest_plate_gap(f, solver, far);
+  int frames = 0;
+  for (bool ok = false; !ok && frames < 10; ++frames) {
+    const auto outcome = solver.solve(far, 1, 1);
+    CHECK(outcome.steps <= NewtonSolver<float>::kMostFactorisations + 1);
+    const double left_mm = largest_plate_gap(f, solver, far);
+    CHECK(gap_mm - left_mm <= most_mm + 1e-3);
+    gap_mm = left_mm;
+    ok = outcome.ok;
+  }
+  CHECK(frames > 1);
+  CHECK(gap_mm < 1e-4);
+}
+
+TEST_CASE("newton: starts towards a shape that has inverted elements without inverting one") {
+  const Finger& f = small_finger();
+  NewtonSolver<float> solver(f.model(), f.mount);
+  const PlatePoses poses = Bend{5, 0, 0}.poses(f.mount);
+  std::vector<float> shape(f.data.rest_mm);
+  test::Random random(5);
+  for (float& coordinate : shape) coordinate += static_cast<float>(20 * random.normal());
+  REQUIRE_FALSE(solver.start_from(shape, poses));
+  solver.start_towards(shape, poses);
+  CHECK(solver.smallest_determinant() > 0);
+  CHECK_FALSE(std::equal(f.data.rest_mm.begin(), f.data.rest_mm.end(), solver.node_mm().begin()));
+  shape[0] = shape[3 * f.model().nodes - 1] = std::numeric_limits<float>::quiet_NaN();
+  solver.start_towards(shape, poses);
+  CHECK(solver.smallest_determinant() > 0);
+}
+
+// Such a tetrahedron has no unknown, but the poses can invert it.
+TEST_CASE("newton: a tetrahedron between two plates limits the plates") {
+  host::TetMesh mesh = small_finger().mesh;
+  const auto& top = mesh.plate_nodes[kTopPlate];
+  const auto& middle = mesh.plate_nodes[kMiddlePlate];
+  std::array<int, 4> tet{top[0], top[1], middle[0], middle[2]};
+  const auto point = [&](int node) { return Eigen::Map<const Eigen::Vector3d>(mesh.node_mm[node].data()); };
+  const auto volume = [&] {
+    return (point(tet[1]) - point(tet[0])).cross(point(tet[2]) - point(tet[0])).dot(point(tet[3]) - point(tet[0]));
+  };
+  for (std::size_t i = 0; i < top.size() * middle.size() && std::abs(volume()) < 1; ++i) {
+    tet[1] = top[i / middle.size()];
+    tet[3] = middle[i % middle.size()];
+  }
+  REQUIRE(std::abs(volume()) >= 1);
+  if (volume() < 0) std::swap(tet[0], tet[1]);
+  mesh.tets.push_back(tet);
+  mesh.region.push_back(host::kBodyRegion);
+  const Finger f(mesh);
+  NewtonSolver<float> solver(f.model(), f.mount);
+  PlatePoses crossed = Bend{}.poses(f.mount);
+  crossed.plates[kTopPlate].displacement_mm.y() = -60;
+  for (int frame = 0; frame < 10; ++frame) {
+    CHECK_FALSE(solver.solve(crossed, 1, 1).ok);
+    CHECK(solver.smallest_determinant() > 0);
+  }
+}
+
+TEST_CASE("newton: a schedule of another mesh is refused") {
+  const Finger other(test::frame_mesh(4, 15, 5));
+  ShapeModel model = small_finger().model();
+  model.cholesky = other.data.cholesky.view();
+  CHECK_THROWS_AS((NewtonSolver<float>(model, small_finger().mount)), InputError);
+  model = other.model();
+  model.cholesky = small_finger().data.cholesky.view();
+  CHECK_THROWS_AS((NewtonSolver<float>(model, other.mount)), InputError);
 }
 
 TEST_CASE("elements: the step to the first flat element agrees with bisection on determinants") {
@@ -284,4 +355,22 @@ TEST_CASE("shape model: names what makes a mesh unusable") {
   std::swap(inverted.tets[5][0], inverted.tets[5][1]);
   const host::ShapeModelData data = host::make_shape_model(inverted);
   CHECK_THROWS_AS((NewtonSolver<float>(data.view(), small_finger().mount)), InputError);
+}
+
+TEST_CASE("newton: follows a bend on every mesh that hostgen makes") {
+  const host::FingerSpec spec = host::read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
+  const MountModel mount = host::mount_of(spec);
+  std::vector<host::MeshSize> sizes = {host::MeshSize::kCoarse, host::MeshSize::kDefault, host::MeshSize::kMedium};
+  if (!test::kIsSlow) sizes.push_back(host::MeshSize::kFine);
+  for (const host::MeshSize size : sizes) {
+    const host::ShapeModelData data = host::make_shape_model(host::make_mesh(spec, size));
+    CAPTURE(data.view().tets);
+    NewtonSolver<float> solver(data.view(), mount);
+    NewtonSolver<double> reference(data.view(), mount);
+    const host::HardMotion motion = host::HardMotion(mount).go(host::Bend{15, 0, 20}, 40).hold(3);
+    for (const PlatePoses& poses : motion.frames) REQUIRE(solver.solve(poses, 1, 1).ok);
+    REQUIRE(reference.converge(motion.frames.back(), 1e-6, 200).ok);
+    CHECK(host::shape_distance(solver.node_mm(), reference.node_mm()).worst_mm < 1e-3);
+    CHECK(solver.smallest_determinant() > 0);
+  }
 }

@@ -3,6 +3,8 @@
 #include <doctest/doctest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
 
 #include "firmware/input_error.h"
 #include "tests/random.h"
@@ -32,6 +34,11 @@ struct RandomMap {
     model.nodes = static_cast<int>(rest.size() / 3);
     model.rest_mm = rest;
     return model;
+  }
+  ShapeMap::Measures measure(const std::vector<std::int32_t>& front) const {
+    ShapeModel model = shape();
+    model.front_nodes = front;
+    return ShapeMap(map(), model).measure(Eigen::Map<const Eigen::Matrix<float, 18, 1>>(numbers.data()));
   }
   std::vector<float> evaluate() const {
     std::vector<float> node_mm(kCoordinates, -1.0f);
@@ -82,5 +89,30 @@ TEST_CASE("shape map: refuses sizes that do not fit the shape") {
     RandomMap random(3);
     (random.*part).pop_back();
     CHECK_THROWS_WITH_AS(random.evaluate(), doctest::Contains(message), InputError);
+  }
+}
+
+TEST_CASE("shape map: measures without the shape what the shape measures") {
+  const std::vector<std::int32_t> front = {3, 4, 17, 39};
+  for (const int rank : {0, 1, 20}) {
+    RandomMap random(rank);
+    CAPTURE(rank);
+    for (int turn = 0; turn < 20; ++turn) {
+      for (float& number : random.numbers) number = 0.5f * number + 0.1f * static_cast<float>(turn);
+      const std::vector<float> shape = random.evaluate();
+      double all = 0, on_front = 0, largest = 0;
+      for (std::size_t node = 0; node < shape.size() / 3; ++node) {
+        double sum = 0;
+        for (std::size_t i = 3 * node; i < 3 * node + 3; ++i)
+          sum += std::pow(double(shape[i]) - double(random.rest[i]), 2);
+        all += sum;
+        if (std::find(front.begin(), front.end(), int(node)) != front.end()) on_front += sum;
+        largest = std::max(largest, sum);
+      }
+      const ShapeMap::Measures measures = random.measure(front);
+      CHECK(double(measures.rms_mm) == doctest::Approx(std::sqrt(3 * all / double(shape.size()))).epsilon(1e-4));
+      CHECK(double(measures.front_rms_mm) == doctest::Approx(std::sqrt(on_front / 4)).epsilon(1e-4));
+      CHECK(double(measures.largest_mm) == doctest::Approx(std::sqrt(largest)).epsilon(1e-4));
+    }
   }
 }

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "firmware/shape/newton.h"
+#include "firmware/shape/shape_map.h"
 #include "hostgen/fem/shape_model.h"
 #include "tests/count_allocations.h"
 #include "tests/shape/finger_motion.h"
@@ -189,42 +190,50 @@ TEST_CASE("shape stage: poses that cannot be keep the last shape, flagged") {
   CHECK(copy(shape) == last);
 }
 
-TEST_CASE("shape stage: a failed solve answers with the map's shape, and recovers") {
-  ShapeStage stage = stage_of(Tier::kNewton), by_map = stage_of(Tier::kMap);
-  stage.solve(slope(2));
-  const std::vector<float> expected = copy(by_map.solve(below_base()));
-  for (int k = 0; k < 20; ++k) {
-    const FingerShape& shape = stage.solve(below_base());
-    CHECK(shape.fallback);
-    CHECK(shape.quality == Quality::kHeld);
-    CHECK(shape.source == ShapeSource::kMap);
-    CHECK(shape.iterations > 0);
-    CHECK(copy(shape) == expected);
+TEST_CASE("shape stage: plates where no finger has them are flagged, and it recovers at once") {
+  for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
+    ShapeStage stage = stage_of(tier);
+    stage.solve(slope(2));
+    for (int k = 0; k < 20; ++k) {
+      const FingerShape& shape = stage.solve(below_base());
+      CHECK(shape.fallback);
+      CHECK(shape.quality == Quality::kHeld);
+      CHECK(finger().elements.smallest_determinant(shape.node_mm) > 0);
+    }
+    const FingerShape& shape = stage.solve(slope(2));
+    CHECK_FALSE(shape.fallback);
+    CHECK(shape.quality == Quality::kFresh);
+    CHECK(distance(shape, finger().converged(slope(2))) < (tier == Tier::kMap ? 0.1 : 1e-3));
   }
-  for (int k = 0; k < 5; ++k) stage.solve(slope(2));
-  const FingerShape& shape = stage.solve(slope(2));
-  CHECK_FALSE(shape.fallback);
-  CHECK(shape.quality == Quality::kFresh);
-  CHECK(distance(shape, finger().converged(slope(2))) < 1e-3);
 }
 
-TEST_CASE("shape stage: a map that turns elements inside out is never answered with by the Newton tiers") {
+TEST_CASE("shape stage: a shape wound into a wrong minimum is left when the map knows a better one") {
+  ShapeStage stage = stage_of(Tier::kNewton);
+  for (int degree = 0; degree <= 360; degree += 3) {
+    PlatePoses poses = slope(0);
+    poses.plates[kTopPlate].rotation_rad.y() = static_cast<float>(degree * M_PI / 180);
+    stage.solve(poses);
+  }
+  for (int k = 0; k < 3; ++k) stage.solve(slope(1));
+  CHECK(distance(stage.solve(slope(1)), finger().converged(slope(1))) < 1e-3);
+}
+
+TEST_CASE("shape stage: a map that turns elements inside out never goes out, in any tier") {
   const Finger& f = finger();
   const Elements<float>& elements = f.elements;
-  std::vector<float> weights = f.weights, basis = f.basis;
+  std::vector<float> weights = f.weights, basis = f.basis, raw(f.data.rest_mm.size());
   weights[0] = 1;  // at rest already
   for (std::size_t i = 0; i < basis.size(); i += 2) basis[i] += 30;
-  const auto broken_stage = [&](Tier tier) {
-    return ShapeStage(f.data.view(), {1, f.scale, weights, basis}, f.mount, {.tier = tier});
-  };
-  ShapeStage by_map = broken_stage(Tier::kMap);
-  REQUIRE(elements.smallest_determinant(by_map.solve(slope(2)).node_mm) < 0);
-  for (const Tier tier : {Tier::kMapAndNewton, Tier::kNewton}) {
-    ShapeStage stage = broken_stage(tier);
+  const ShapeMapModel map{1, f.scale, weights, basis};
+  ShapeMap(map, f.data.view()).evaluate(plate_numbers(slope(2)), raw);
+  REQUIRE(elements.smallest_determinant(raw) < 0);
+  for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
+    ShapeStage stage(f.data.view(), map, f.mount, {.tier = tier});
     for (const PlatePoses& poses : {slope(2), below_base(), below_base(), slope(2)}) {
       const FingerShape& shape = stage.solve(poses);
-      CHECK(shape.source == ShapeSource::kNewton);
+      CHECK(shape.source == (tier == Tier::kMap ? ShapeSource::kMap : ShapeSource::kNewton));
       CHECK(elements.smallest_determinant(shape.node_mm) > 0);
+      if (tier == Tier::kMap) CHECK(shape.fallback);
     }
   }
 }
@@ -252,4 +261,20 @@ TEST_CASE("shape stage: solve does not allocate, in any tier, whatever happens")
     const long after = test::allocations;
     CHECK(after == before);
   }
+}
+
+TEST_CASE("shape stage: the measures alone are those of the map's shape") {
+  ShapeStage measures = stage_of(Tier::kMeasures), map = stage_of(Tier::kMap);
+  for (const double mm : {0.5, 2.0, -1.0}) {
+    const FingerShape& alone = measures.solve(slope(mm));
+    const FingerShape& whole = map.solve(slope(mm));
+    CHECK(alone.node_mm.empty());
+    CHECK(alone.source == ShapeSource::kMap);
+    CHECK(alone.quality == Quality::kFresh);
+    // The stage moves the plates of a whole shape exactly, the map nearly so.
+    CHECK(alone.rms_mm == doctest::Approx(whole.rms_mm).epsilon(0.01));
+    CHECK(alone.front_rms_mm == doctest::Approx(whole.front_rms_mm).epsilon(0.01));
+    CHECK(alone.largest_mm == doctest::Approx(whole.largest_mm).epsilon(0.02));
+  }
+  CHECK(measures.solve(PlatePoses{}).quality == Quality::kInvalid);
 }

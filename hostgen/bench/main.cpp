@@ -1,0 +1,294 @@
+// bench: how long a Newton iteration takes in several ways, and what fixed schedules cost and err, on several meshes.
+#include <sched.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "firmware/input_error.h"
+#include "firmware/shape/newton.h"
+#include "firmware/shape/soft_newton.h"
+#include "hostgen/bench/iteration.h"
+#include "hostgen/bench/schedules.h"
+#include "hostgen/common.h"
+#include "hostgen/fem/shape_model.h"
+#include "hostgen/finger/mesh.h"
+#include "hostgen/finger/mount.h"
+
+namespace finsight::host {
+
+namespace {
+
+using nlohmann::json;
+
+struct Options {
+  std::filesystem::path spec = "hostgen/fingers/srm.toml", output, counted_program, pack;
+  bool quick = false;
+};
+
+struct Mesh {
+  MeshSize size;
+  double min_dihedral_deg;
+  ShapeModelData model, soft;
+};
+
+/// Libraries may bring threads along; one core is what everybody gets.
+void stay_on_one_core() {
+  cpu_set_t core;
+  CPU_ZERO(&core);
+  CPU_SET(sched_getcpu(), &core);
+  if (sched_setaffinity(0, sizeof core, &core) != 0) throw std::runtime_error("bench: cannot stay on one core");
+}
+
+/// The ways in turn, round by round, so that the machine's mood meets all of them. The shortest iteration of each counts:
+/// what else the machine does only adds.
+json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, Iteration>>& ways, int rounds) {
+  constexpr double kTurn_us = 30'000;
+  std::vector<IterationTime> best(ways.size());
+  for (int round = 0; round < rounds; ++round) {
+    for (std::size_t way = 0; way < ways.size(); ++way) {
+      if (interrupted()) throw Interrupted();
+      for (double spent_us = 0; spent_us < kTurn_us;) {
+        const IterationTime time = ways[way].second();
+        spent_us += time.sum_us();
+        if (best[way].sum_us() == 0 || time.sum_us() < best[way].sum_us()) best[way] = time;
+      }
+    }
+  }
+  json rows = json::array();
+  for (std::size_t way = 0; way < ways.size(); ++way) {
+    rows.push_back({{"way", ways[way].first},
+                    {"mesh_tets", mesh.model.view().tets},
+                    {"nodes", mesh.model.view().nodes},
+                    {"derivatives_us", best[way].derivatives_us},
+                    {"factor_us", best[way].factor_us},
+                    {"solve_us", best[way].solve_us},
+                    {"step_us", best[way].step_us},
+                    {"sum_us", best[way].sum_us()}});
+  }
+  return rows;
+}
+
+/// A bend that strains every part of the finger.
+PlatePoses bench_pose(const MountModel& mount) { return report_motions(mount)[1].frames[40]; }
+
+json measure_iterations(const Mesh& mesh, const MountModel& mount, bool quick) {
+  const ShapeModel model = mesh.model.view();
+  NewtonSolver<double> solver(model, mount);
+  if (!solver.converge(bench_pose(mount), 1e-6, 200).ok) throw std::runtime_error("bench: the pose does not converge");
+  const std::span<const double> x = solver.node_mm();
+  std::vector<std::pair<std::string, Iteration>> ways = {{"float", our_iteration<float>(model, x)},
+                                                         {"double", our_iteration<double>(model, x)},
+                                                         {"eigen", eigen_iteration(model, x)},
+                                                         {"cholmod", cholmod_iteration(model, x)},
+                                                         {"published", published_iteration(mesh.soft.view(), x)}};
+  const bool is_large = model.tets > 10000;
+  return time_iterations(mesh, ways, is_large ? (quick ? 3 : 7) : (quick ? 6 : 20));
+}
+
+/// Time over tets on logarithmic axes: the slope of the least-squares line.
+double growth_exponent(const json& iterations) {
+  std::vector<double> x, y;
+  for (const json& row : iterations) {
+    if (row["way"] != "float") continue;
+    x.push_back(std::log(row["mesh_tets"].get<double>()));
+    y.push_back(std::log(row["sum_us"].get<double>()));
+  }
+  const double n = static_cast<double>(x.size());
+  double sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    sx += x[i];
+    sy += y[i];
+    sxx += x[i] * x[i];
+    sxy += x[i] * y[i];
+  }
+  return (n * sxy - sx * sy) / (n * sxx - sx * sx);
+}
+
+/// How many iterations the published way takes for a frame of the hard motion, from the frame before.
+double published_iterations_per_frame(const Mesh& mesh, const MountModel& mount) {
+  const PlateMotionPath motion = report_motions(mount)[1];
+  SoftNewtonSolver<double> solver(mesh.soft.view(), mount);
+  int steps = 0, frames = 0;
+  for (std::size_t k = 0; k <= 40; ++k) {
+    const auto outcome = solver.converge(motion.frames[k]);
+    if (k > 30) steps += outcome.steps, ++frames;
+  }
+  return static_cast<double>(steps) / frames;
+}
+
+json measure_schedules(const Mesh& mesh, const MountModel& mount, bool quick) {
+  const ShapeModel model = mesh.model.view();
+  json rows = json::array();
+  std::vector<std::pair<int, int>> schedules;
+  for (int factorisations = 1; factorisations <= 5; ++factorisations) {
+    for (int chords = 0; chords <= 2; ++chords) {
+      const bool is_basic = factorisations <= 2 && factorisations + chords <= 3;
+      if (is_basic || (!quick && mesh.size == MeshSize::kDefault)) schedules.emplace_back(factorisations, chords);
+    }
+  }
+  for (const PlateMotionPath& motion : report_motions(mount)) {
+    const auto truth = converged_shapes(model, mount, motion);
+    for (const auto& [factorisations, chords] : schedules) {
+      const auto add = [&](const char* scalar, const ScheduleResult& result) {
+        rows.push_back({{"tier", "newton"},
+                        {"mesh_tets", model.tets},
+                        {"factorisations", factorisations},
+                        {"chords", chords},
+                        {"scalar", scalar},
+                        {"motion", motion.name},
+                        {"us_per_frame", result.us_per_frame},
+                        {"worst_mm", result.distance.worst_mm},
+                        {"mean_mm", result.distance.mean_mm}});
+      };
+      // On the default mesh the report measures the whole stage, which is float.
+      if (mesh.size != MeshSize::kDefault) {
+        add("float", run_schedule<float>(model, mount, motion, truth, factorisations, chords));
+      }
+      add("double", run_schedule<double>(model, mount, motion, truth, factorisations, chords));
+    }
+  }
+  return rows;
+}
+
+/// What a coarser mesh's converged shape differs from the finest one's.
+json measure_meshes(const std::vector<Mesh>& meshes, const MountModel& mount) {
+  PlateMotionPath motion = report_motions(mount)[1];
+  motion.frames.resize(motion.frames.size() / 2 + 1);  // to the extreme
+  const Mesh& finest = meshes.back();
+  const auto fine = converged_shapes(finest.model.view(), mount, motion);
+  json rows = json::array();
+  for (const Mesh& mesh : meshes) {
+    if (&mesh == &finest) break;
+    const auto shapes = converged_shapes(mesh.model.view(), mount, motion);
+    const auto there = shapes_at_nodes(finest.model.view(), fine, mesh.model.view());
+    ShapeDistance total;
+    for (std::size_t k = 0; k < shapes.size(); ++k) {
+      const ShapeDistance d = shape_distance(std::span<const double>(shapes[k]), std::span<const double>(there[k]));
+      total.worst_mm = std::max(total.worst_mm, d.worst_mm);
+      total.mean_mm += d.mean_mm / static_cast<double>(shapes.size());
+    }
+    rows.push_back({{"mesh_tets", mesh.model.view().tets},
+                    {"than_tets", finest.model.view().tets},
+                    {"motion", motion.name},
+                    {"worst_mm", total.worst_mm},
+                    {"mean_mm", total.mean_mm}});
+  }
+  return rows;
+}
+
+/// Instructions of the parts of one iteration (float, AVX2), counted by valgrind: they do not depend on what else the
+/// machine does.
+json count_instructions(const Options& options) {
+  json counts;
+  for (const char* stage : {"derivatives", "factor", "solve", "step"}) {
+    const std::string command = "valgrind --tool=callgrind --callgrind-out-file=/dev/null --toggle-collect=stage_" +
+                                std::string(stage) + " " + options.counted_program.string() + " " +
+                                options.pack.string() + " 2>&1";
+    FILE* pipe = popen(command.c_str(), "r");
+    std::string said;
+    for (int c = 0; pipe && (c = std::fgetc(pipe)) != EOF;) said += static_cast<char>(c);
+    const std::size_t at = said.find("Collected : ");
+    if (!pipe || pclose(pipe) != 0 || at == std::string::npos)
+      throw std::runtime_error("bench: " + command + "\n" + said);
+    counts[stage] = std::stoll(said.substr(at + std::string("Collected : ").size()));
+  }
+  return counts;
+}
+
+double time_of(const json& iterations, int tets, const std::string& way) {
+  for (const json& row : iterations) {
+    if (row["mesh_tets"] == tets && row["way"] == way) return row["sum_us"].get<double>();
+  }
+  throw std::logic_error("bench: " + way + " was not measured");
+}
+
+void run(const Options& options) {
+  catch_interrupts();
+  const FingerSpec spec = read_finger_spec(options.spec);
+  const MountModel mount = mount_of(spec);
+  std::vector<Mesh> meshes;
+  for (const MeshSize size : {MeshSize::kCoarse, MeshSize::kDefault, MeshSize::kMedium, MeshSize::kFine}) {
+    const TetMesh tets = make_mesh(spec, size);
+    Mesh mesh{size, tets.min_dihedral_deg, make_shape_model(tets), {}};
+    mesh.soft = make_soft_shape_model(mesh.model.view());
+    meshes.push_back(std::move(mesh));
+  }
+  json iterations = json::array(), speed_error = json::array();
+  {
+    Progress progress("bench: iterations and schedules", 2 * meshes.size());
+    for (const Mesh& mesh : meshes) {
+      const json rows = measure_iterations(mesh, mount, options.quick);
+      iterations.insert(iterations.end(), rows.begin(), rows.end());
+      progress.advance();
+      if (!options.quick || mesh.size == MeshSize::kDefault) {
+        const json schedules = measure_schedules(mesh, mount, options.quick);
+        speed_error.insert(speed_error.end(), schedules.begin(), schedules.end());
+      }
+      progress.advance();
+    }
+  }
+  const Mesh& standard = meshes[1];
+  const int tets = standard.model.view().tets;
+  const double ours_us = time_of(iterations, tets, "float"), published_us = time_of(iterations, tets, "published");
+  const double published_steps = published_iterations_per_frame(standard, mount);
+  const json result = {
+      {"mesh",
+       {{"nodes", standard.model.view().nodes}, {"tets", tets}, {"min_dihedral_deg", standard.min_dihedral_deg}}},
+      {"solver",
+       {{"iteration_ms", ours_us / 1000},
+        {"published_iteration_ms", published_us / 1000},
+        {"ratio_to_published", published_us / ours_us},
+        {"ratio_to_eigen", time_of(iterations, tets, "eigen") / ours_us},
+        {"ratio_to_cholmod", time_of(iterations, tets, "cholmod") / ours_us},
+        {"growth_exponent", growth_exponent(iterations)},
+        {"published_iterations_per_frame", published_steps},
+        {"published_frame_ms", published_steps * published_us / 1000},
+        {"iterations", iterations},
+        {"instructions", options.counted_program.empty() ? json() : count_instructions(options)},
+        {"mesh_difference", options.quick ? json() : measure_meshes(meshes, mount)}}},
+      {"speed_error", speed_error}};
+  for (const json& row : iterations) {
+    std::printf("%6d tets  %-9s  derivatives %9.1f  factor %9.1f  solve %8.1f  step %8.1f  sum %9.1f us\n",
+                row["mesh_tets"].get<int>(), row["way"].get<std::string>().c_str(), row["derivatives_us"].get<double>(),
+                row["factor_us"].get<double>(), row["solve_us"].get<double>(), row["step_us"].get<double>(),
+                row["sum_us"].get<double>());
+  }
+  std::printf(
+      "one iteration at %d tets: %.2f ms, published way %.1f ms: %.0f times; Eigen's LDLT %.1f times, CHOLMOD %.1f\n",
+      tets, ours_us / 1000, published_us / 1000, published_us / ours_us, time_of(iterations, tets, "eigen") / ours_us,
+      time_of(iterations, tets, "cholmod") / ours_us);
+  std::printf("growth with the number of tets: exponent %.2f; the published way takes %.1f iterations for a frame\n",
+              growth_exponent(iterations), published_steps);
+  if (!options.output.empty()) write_file_atomically(options.output, result.dump(1) + "\n");
+}
+
+}  // namespace
+
+}  // namespace finsight::host
+
+int main(int argc, char** argv) {
+  using namespace finsight;
+  host::Options options;
+  CLI::App app("bench: one Newton iteration in several ways, and what fixed schedules cost and err, on one core");
+  app.add_option("--spec", options.spec, "finger spec (TOML)")->capture_default_str();
+  app.add_option("-o,--output", options.output, "write the figures to this file (JSON)");
+  app.add_option("--instructions", options.counted_program, "count instructions too: the program bench_instructions")
+      ->check(CLI::ExistingFile);
+  app.add_option("--pack", options.pack, "model pack for --instructions")->check(CLI::ExistingFile);
+  app.add_flag("--quick", options.quick, "fewer rounds, schedules on the default mesh only");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    host::stay_on_one_core();
+    host::run(options);
+    return 0;
+  } catch (const InputError& error) {
+    std::fprintf(stderr, "bench: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,22 @@
+// Fixed schedules of the Newton solver over a motion: time per frame against the distance to the converged shape.
+#pragma once
+
+#include "hostgen/report/motions.h"
+#include "hostgen/report/shape_distance.h"
+
+namespace finsight::host {
+
+struct ScheduleResult {
+  double us_per_frame = 0;  ///< median
+  ShapeDistance distance;   ///< the worst of all frames, the mean of their means
+};
+/// S: float or double.
+template <class S>
+ScheduleResult run_schedule(const ShapeModel& model, const MountModel& mount, const PlateMotionPath& motion,
+                            const Shapes& converged, int factorisations, int chord_steps);
+
+/// The fine mesh's shapes where the coarse mesh has its nodes: every node goes with the tetrahedron of the fine mesh
+/// that holds it, or the nearest one. Shapes and result: [3 * nodes] per frame.
+Shapes shapes_at_nodes(const ShapeModel& fine, const Shapes& fine_shapes, const ShapeModel& coarse);
+
+}  // namespace finsight::host

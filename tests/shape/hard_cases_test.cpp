@@ -1,0 +1,89 @@
+#include "hostgen/report/hard_cases.h"
+
+#include <doctest/doctest.h>
+
+#include <cstdio>
+#include <set>
+
+#include "firmware/shape/newton.h"
+#include "hostgen/fem/shape_model.h"
+#include "hostgen/learn/shape_map_training.h"
+#include "hostgen/report/hard_motions.h"
+#include "tests/random.h"
+#include "tests/shape/finger_motion.h"
+#include "tests/shape/frame_mesh.h"
+#include "tests/slow_build.h"
+
+using namespace finsight;
+using host::HardCaseResult;
+
+namespace {
+
+/// A finger made of cubes with a shape map that knows gentle touches.
+struct Finger {
+  explicit Finger(const host::TetMesh& mesh) : data(host::make_shape_model(mesh)), mount(test::mount_of(mesh)) {
+    constexpr int kSamples = 400;
+    Eigen::MatrixXf poses(kSamples, 18), displacement(kSamples, static_cast<Eigen::Index>(data.rest_mm.size()));
+    NewtonSolver<double> solver(data.view(), mount);
+    const host::HardMotion motion(mount);
+    test::Random random(3);
+    for (int sample = 0; sample < kSamples; ++sample) {
+      const PlatePoses touched =
+          motion.poses({random.uniform(-15, 15), random.uniform(-5, 5), random.uniform(-20, 20)});
+      poses.row(sample) = plate_numbers(touched).transpose();
+      for (float& number : poses.row(sample)) number += static_cast<float>(0.005 * random.normal());
+      solver.start_at_rest();
+      REQUIRE(solver.converge(host_poses(poses.row(sample)), 1e-5, 100).ok);
+      for (Eigen::Index i = 0; i < displacement.cols(); ++i)
+        displacement(sample, i) = static_cast<float>(solver.node_mm()[static_cast<std::size_t>(i)]) -
+                                  data.rest_mm[static_cast<std::size_t>(i)];
+    }
+    map = host::fit_shape_map(poses, displacement);
+  }
+  static PlatePoses host_poses(const Eigen::RowVectorXf& numbers) {
+    return seen_poses({numbers.data(), static_cast<std::size_t>(numbers.size())});
+  }
+  host::ShapeParts parts() const { return {data.view(), map.view(), mount}; }
+
+  host::ShapeModelData data;
+  MountModel mount;
+  host::ShapeMapData map;
+};
+
+void check(const HardCaseResult& result) {
+  char line[256];
+  std::snprintf(line, sizeof line, "%-72s %6d frames, %4d flagged, %2d steps, %9.2e mm, at the end %9.2e mm%s",
+                result.name.c_str(), result.frames, result.flagged, result.most_steps, result.worst_mm, result.end_mm,
+                result.end_flagged ? ", flagged" : "");
+  MESSAGE(line);
+  CAPTURE(result.name);
+  CHECK(result.non_finite == 0);
+  CHECK(result.inverted_unflagged == 0);
+  CHECK(result.inverted == 0);
+  CHECK(result.most_steps <= result.allowed_steps);
+  CHECK(result.worst_mm <= result.allowed_mm);
+  CHECK(result.end_mm <= result.allowed_end_mm);
+  CHECK((result.may_end_flagged || !result.end_flagged));
+}
+
+constexpr int kWalkFrames = test::kIsSlow ? 1000 : 100000;
+const host::TetMesh kMesh = test::kIsSlow ? test::frame_mesh(2, 6, 5) : test::frame_mesh(4, 12, 5);
+
+}  // namespace
+
+TEST_CASE("hard cases: never a shape that is not finite or inverted, bounded work, and back to the truth") {
+  const Finger finger(kMesh);
+  const std::vector<HardCaseResult> results = host::run_hard_cases(finger.parts(), 1000);
+  CHECK(results.size() >= 40);
+  std::set<std::string> names;
+  for (const HardCaseResult& result : results) {
+    check(result);
+    names.insert(result.name);
+  }
+  CHECK(names.size() == results.size());
+}
+
+TEST_CASE("hard cases: a long random walk neither drifts nor gets stuck") {
+  const Finger finger(test::frame_mesh(2, 6, 5));
+  check(host::run_random_walk(finger.parts(), kWalkFrames));
+}
