@@ -57,11 +57,13 @@ json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, 
       }
     }
   }
+  const double operations = Cholesky<float>(mesh.model.cholesky.view()).factor_operations();
   json rows = json::array();
   for (std::size_t way = 0; way < ways.size(); ++way) {
     rows.push_back({{"way", ways[way].first},
                     {"mesh_tets", mesh.model.view().tets},
                     {"nodes", mesh.model.view().nodes},
+                    {"factor_operations", operations},
                     {"derivatives_us", best[way].derivatives_us},
                     {"factor_us", best[way].factor_us},
                     {"solve_us", best[way].solve_us},
