@@ -41,6 +41,7 @@ void make_realtime(const RealtimeSettings& settings) {
 }
 
 bool is_ipv4(const std::string& text, bool with_prefix) {
+  if (text.find('\0') != std::string::npos) return false;  // inet_pton would not see what follows
   const std::size_t slash = text.find('/');
   if ((slash != std::string::npos) != with_prefix) return false;
   if (with_prefix) {

@@ -9,8 +9,10 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -183,36 +185,45 @@ bool run(Camera& camera, int timeout_ms, FrameLoop& loop, ModbusServer& server, 
   return true;
 }
 
+/// As the settings want it; where that is not possible, where a client looks first.
+std::unique_ptr<ModbusServer> open_server_anyhow(const ModbusSettings& settings) {
+  try {
+    return std::make_unique<ModbusServer>(settings, print_news);
+  } catch (const std::system_error& error) {
+    print_news(error.what());
+    return std::make_unique<ModbusServer>(ModbusSettings{.address = "0.0.0.0", .port = 502});
+  }
+}
+
 /// The firmware cannot work: clients see why. Needs no model and no camera, and settings only as far as they are good.
 int serve_fault(const Arguments& arguments) {
-  ModbusSettings modbus{.address = "0.0.0.0", .port = 502};
   LoopState state;
   state.fault = arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
+  const Settings settings = read_good_parts(arguments.settings, arguments.user);
+  state.word_order = settings.loop.word_order;
   std::optional<Outputs> outputs;  // stay safe from their opening on
   try {
-    const Settings settings = read_settings(arguments.settings, arguments.user);
-    modbus = settings.modbus;
-    state.word_order = settings.loop.word_order;
     outputs.emplace(settings.gpio);
+    read_settings(arguments.settings, arguments.user);
   } catch (const std::exception& error) {
     print_news(error.what());
   }
-  ModbusServer server(modbus, print_news);
-  std::fprintf(stderr, "finsightd: SAFE MODE, fault %d; Modbus TCP on %s:%d\n", static_cast<int>(state.fault),
-               modbus.address.c_str(), server.port());
+  const auto server = open_server_anyhow(settings.modbus);
+  print_news("SAFE MODE, fault " + std::to_string(static_cast<int>(state.fault)) + "; Modbus TCP on port " +
+             std::to_string(server->port()));
   Supervisor().ready();
   RegisterImage image;
   while (!stop_requested) {
     ++state.heartbeat;
     encode_registers(PlatePoses{}, FingerShape{}, Touch{}, state, image);
-    server.publish(image);
+    server->publish(image);
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   return 0;
 }
 
 int write_network(const Arguments& arguments) {
-  const std::string text = networkd_file(read_settings(arguments.settings, arguments.user).network);
+  const std::string text = networkd_file(read_network_settings(arguments.settings, arguments.user));
   std::ofstream out(arguments.network);
   out << text;
   out.flush();
@@ -223,11 +234,11 @@ int write_network(const Arguments& arguments) {
 int start(const Arguments& arguments) {
   if (!arguments.safe_mode.empty()) return serve_fault(arguments);
   if (!arguments.network.empty()) return write_network(arguments);
-  const Settings settings = read_settings(arguments.settings, arguments.user);
   if (arguments.safe_outputs) {
-    const Outputs outputs(settings.gpio);  // takes the lines at their safe levels
+    const Outputs outputs(read_good_parts(arguments.settings, arguments.user).gpio);  // takes the lines at safe levels
     return 0;
   }
+  const Settings settings = read_settings(arguments.settings, arguments.user);
   const Model model = Model::open(settings.pack);
   check_self_test(model);
   std::fprintf(stderr, "finsightd: model %s (%d tets) passed its self-test\n", model.finger_name.c_str(),

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 #include "firmware/input_error.h"
 #include "firmware/toml_table.h"
@@ -170,6 +171,45 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);
   root.finish();
+  return settings;
+}
+
+NetworkSettings read_network_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
+  TomlTable root = TomlTable::parse_file(file);
+  if (!user.empty()) root.override_with(user);
+  NetworkSettings network;
+  if (root.has("network")) read_network(root.table("network"), network);
+  return network;
+}
+
+namespace {
+
+template <class Read>
+void read_part(const std::filesystem::path& file, const std::filesystem::path& user, const char* name,
+               const Read& read) {
+  for (const std::filesystem::path& changes : {user, std::filesystem::path()}) {
+    try {
+      TomlTable root = TomlTable::parse_file(file);
+      if (!changes.empty()) root.override_with(changes);
+      if (root.has(name)) read(root.table(name));
+      return;
+    } catch (const InputError&) {  // the next best
+    }
+  }
+}
+
+}  // namespace
+
+Settings read_good_parts(const std::filesystem::path& file, const std::filesystem::path& user) {
+  Settings settings;
+  settings.modbus = {.address = "0.0.0.0", .port = 502};
+  read_part(file, user, "modbus", [&](TomlTable table) {
+    Settings part;
+    read_modbus(std::move(table), part);
+    settings.modbus = part.modbus;
+    settings.loop.word_order = part.loop.word_order;
+  });
+  read_part(file, user, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
   return settings;
 }
 

@@ -31,6 +31,14 @@ struct Settings {
 /// `user`, when it is given, take the place of the board file's.
 Settings read_settings(const std::filesystem::path& file, const std::filesystem::path& user = {});
 
+/// [network] alone, however the rest is: a device that cannot work should still be found. Throws InputError like
+/// read_settings().
+NetworkSettings read_network_settings(const std::filesystem::path& file, const std::filesystem::path& user = {});
+
+/// For when read_settings() fails: [modbus] and [gpio], each by itself; where the user's is bad the board file's, and
+/// the default (Modbus on 0.0.0.0:502, no outputs) where that is bad too. Never throws InputError.
+Settings read_good_parts(const std::filesystem::path& file, const std::filesystem::path& user = {});
+
 /// The intrinsics that a session was recorded with, as the vision stages want them.
 CameraModel camera_of(const SessionInfo& session);
 

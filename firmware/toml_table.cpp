@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <fstream>
+#include <iterator>
 #include <sstream>
+#include <string_view>
 
 #include "firmware/input_error.h"
 
@@ -61,28 +64,51 @@ std::string range_text(const char* kind, double lowest, double highest) {
 TomlTable::TomlTable(std::shared_ptr<Document> document, const void* node, std::string name)
     : document_(std::move(document)), node_(node), name_(std::move(name)) {}
 
+namespace {
+
+// toml++ goes down into a dotted key part by part and knows no limit there. A run of dots that nothing ends is a key.
+void check_keys(const std::string& text, const std::string& file) {
+  constexpr int kMostParts = 64;
+  constexpr std::string_view kEnds = "\n,={}[]";
+  int line = 1, dots = 0;
+  for (const char c : text) {
+    if (kEnds.find(c) != std::string_view::npos) dots = 0;
+    if (c == '\n') ++line;
+    if (c == '.' && ++dots >= kMostParts) {
+      throw InputError(file + ":" + std::to_string(line),
+                       "a key of more than " + std::to_string(kMostParts) + " parts");
+    }
+  }
+}
+
+toml::table parsed(const std::string& text, const std::string& file) {
+  check_keys(text, file);
+  try {
+    return toml::parse(text, file);
+  } catch (const toml::parse_error& error) {
+    throw InputError(file + ":" + std::to_string(error.source().begin.line), std::string(error.description()));
+  }
+}
+
+}  // namespace
+
 TomlTable TomlTable::parse_file(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored)) throw InputError(file.string(), "no such file");
   auto document = std::make_shared<Document>();
   document->file = file.string();
   document->folder = file.parent_path();
-  try {
-    document->root = toml::parse_file(file.string());
-  } catch (const toml::parse_error& error) {
-    throw InputError(file.string() + ":" + std::to_string(error.source().begin.line), std::string(error.description()));
-  }
+  std::ifstream in(file, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  if (!in) throw InputError(file.string(), "cannot be read");
+  document->root = parsed(text, file.string());
   return TomlTable(document, &document->root, "");
 }
 
 TomlTable TomlTable::parse_text(const std::string& text, const std::string& name) {
   auto document = std::make_shared<Document>();
   document->file = name;
-  try {
-    document->root = toml::parse(text, name);
-  } catch (const toml::parse_error& error) {
-    throw InputError(name + ":" + std::to_string(error.source().begin.line), std::string(error.description()));
-  }
+  document->root = parsed(text, name);
   return TomlTable(document, &document->root, "");
 }
 

@@ -78,6 +78,7 @@ TEST_CASE("appliance: an address is dotted decimal, with or without its prefix l
     CAPTURE(wrong);
     CHECK_FALSE(is_ipv4(wrong, true));
   }
+  CHECK_FALSE(is_ipv4(std::string("10.0.0.1\0\nDHCP=yes", 18), false));
   CHECK_FALSE(is_ipv4("10.0.0.1/8", false));
   CHECK_FALSE(is_ipv4("", false));
 }
@@ -153,4 +154,34 @@ TEST_CASE("appliance: an error in the user's file names that file and line") {
   CHECK(refusal("[network]\nmethod = \"dhcp\"\naddress = \"10.0.0.1/8\"\n").find("user.toml:3") != std::string::npos);
   CHECK(refusal("[realtime]\npriority = 99\n").find("user.toml:2") != std::string::npos);
   CHECK(refusal("this is not TOML").find("user.toml:1") != std::string::npos);
+}
+
+TEST_CASE("appliance: the network is read however the rest is") {
+  const Folder folder;
+  const auto board = folder.write("board.toml", kBoard);
+  const auto user = folder.write("user.toml",
+                                 "[modbus]\nword_order = \"XX\"\n[modbsu]\n"
+                                 "[network]\nmethod = \"static\"\naddress = \"10.1.2.3/8\"\n");
+  CHECK_THROWS_AS(read_settings(board, user), InputError);
+  CHECK(read_network_settings(board, user).address == "10.1.2.3/8");
+  CHECK(read_network_settings(board).address.empty());
+  const auto wrong = folder.write("wrong.toml", "[network]\nmethod = \"static\"\naddress = \"10.1.2\"\n");
+  CHECK_THROWS_WITH_AS(read_network_settings(board, wrong), doctest::Contains("network.address"), InputError);
+}
+
+TEST_CASE("appliance: of bad settings the good parts serve the fault") {
+  const Folder folder;
+  std::string with_outputs = kBoard;
+  with_outputs += "[gpio]\nchip = \"/dev/gpiochip0\"\n[gpio.healthy]\nnumber = 3\n";
+  const auto board = folder.write("board.toml", with_outputs);
+  const auto good_part = folder.write("a.toml", "[modbus]\nport = 1502\nword_order = \"CDAB\"\n[nonsense]\n");
+  CHECK(read_good_parts(board, good_part).modbus.port == 1502);
+  CHECK(read_good_parts(board, good_part).loop.word_order == WordOrder::kCDAB);
+  CHECK(read_good_parts(board, good_part).gpio.has_value());
+  const auto bad_part = folder.write("b.toml", "[modbus]\nport = 70000\n[gpio]\nchip = 3\n");
+  CHECK(read_good_parts(board, bad_part).modbus.port == 502);
+  CHECK(read_good_parts(board, bad_part).gpio->chip == "/dev/gpiochip0");
+  const auto no_toml = folder.write("c.toml", "port = = 1\n");
+  CHECK(read_good_parts(no_toml, no_toml).modbus.address == "0.0.0.0");
+  CHECK_FALSE(read_good_parts(folder.path / "none.toml").gpio.has_value());
 }

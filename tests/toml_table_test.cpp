@@ -178,3 +178,13 @@ TEST_CASE("toml table: refuses what is no file") {
   CHECK_THROWS_AS(TomlTable::parse_file("/dev/zero"), InputError);
   CHECK_NOTHROW(TomlTable::parse_file(folder.write("empty.toml", "")).finish());
 }
+
+TEST_CASE("toml: a key of very many parts is refused, a number with a point is none") {
+  std::string deep = "ok = 1\n";
+  for (int part = 0; part < 40000; ++part) deep += "a.";
+  CHECK_THROWS_WITH_AS(TomlTable::parse_text(deep + "a = 1\n", "deep.toml"),
+                       "deep.toml:2: a key of more than 64 parts", InputError);
+  std::string many = "x = [";
+  for (int k = 0; k < 200; ++k) many += "0.5, ";
+  CHECK_NOTHROW(TomlTable::parse_text(many + "1.5]\n", "many.toml"));
+}

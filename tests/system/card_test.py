@@ -92,12 +92,29 @@ class Flash(Case):
         answer = self.flash(self.device(64 * MIB), "--yes")
         self.assertEqual((answer.returncode, "not an image" in answer.stderr), (2, True), answer.stderr)
 
+    def test_half_an_image_is_refused(self):
+        self.image.write_bytes(self.image.read_bytes()[:12 * MIB])
+        card = self.device(64 * MIB)
+        answer = self.flash(card, "--yes")
+        self.assertEqual((answer.returncode, "not complete" in answer.stderr), (2, True), answer.stderr)
+        self.assertEqual(card.read_bytes(), b"\xA5" * 64 * MIB)
+
+    def test_the_image_is_not_flashed_onto_itself(self):
+        before = self.image.read_bytes()
+        link = self.folder / "link"
+        link.symlink_to(self.image)
+        for device in (self.image, link):
+            answer = self.flash(device, "--yes")
+            self.assertEqual((answer.returncode, "the image itself" in answer.stderr), (2, True), answer.stderr)
+            self.assertEqual(self.image.read_bytes(), before)
+
     def test_disks_in_use_or_built_in_are_refused(self):
         cases = [({"where": "pci0"}, {}, "built-in disk"),
                  ({"ro": "1"}, {}, "write-protected"),
                  ({"partition": "1"}, {}, "name the whole disk"),
                  ({}, {"self/mountinfo": "31 1 8:1 / /media/card rw - vfat /dev/sdz1 rw\n"}, "mounted at /media/card"),
                  ({}, {"self/mountinfo": "31 1 8:0 / / rw - ext4 /dev/sdz rw\n"}, "mounted at /"),
+                 ({}, {"self/mountinfo": "31 1 0:47 / /media/b rw shared:9 - btrfs /dev/sdz rw\n"}, "mounted at /media/b"),
                  ({}, {"swaps": "Filename Type Size Used Priority\n/dev/sdz partition 1 0 -2\n"}, "used as swap")]
         for files, proc, reason in cases:
             with self.subTest(reason):
