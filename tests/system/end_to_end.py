@@ -232,7 +232,7 @@ def prepare():
     if not PACK.exists() or PACK.stat().st_mtime < newest:
         # A third of the quick profile's states: enough for the path; scripts/demo measures the quick profile itself.
         subprocess.run([BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--points", "36", "--forces", "4",
-                        "--training-steps", "6000"], check=True)
+                        "--training-steps", "4000"], check=True)
     if not SESSION.exists() or SESSION.stat().st_mtime < newest:
         subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", SESSION, "--size", "640x480", "--seconds", "8",
                         "--seed", "7"], check=True)
