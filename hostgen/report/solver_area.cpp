@@ -32,10 +32,11 @@ std::vector<Schedule> schedules(bool quick) {
       {"measures", {Tier::kMeasures, 1, 0}}, {"map", {Tier::kMap, 1, 0}}, {"map+newton", {Tier::kMapAndNewton, 1, 0}}};
   for (int factorisations = 1; factorisations <= 5; ++factorisations) {
     for (int chords = 0; chords <= 2; ++chords) {
-      const bool is_basic = factorisations + chords <= 2;
+      const bool is_basic = factorisations == 1 || (chords == 0 && factorisations != 4);
       if (is_basic || !quick) list.push_back({"newton", {Tier::kNewton, factorisations, chords}});
     }
   }
+  list.push_back({"converged", {Tier::kNewton, 10, 5}});
   return list;
 }
 

@@ -225,7 +225,7 @@ TEST_CASE("results: the solver's and the build's own figures leave no null witho
 
   const json& all = results.all();
   CHECK(all["mesh"]["tets"] == 72);
-  CHECK(all["speed_error"].size() == 2 * 6);
+  CHECK(all["speed_error"].size() == 2 * 10);
   for (const json& row : all["speed_error"]) {
     for (const char* key :
          {"tier", "mesh_tets", "factorisations", "chords", "scalar", "motion", "us_per_frame", "worst_mm", "mean_mm"}) {
