@@ -23,7 +23,7 @@ class ShapeMap {
     float rms_mm = 0, front_rms_mm = 0;  ///< RMS displacement of all nodes, and of the front face's
     float largest_mm = 0;                ///< largest displacement of any node
   };
-  /// What evaluate()'s shape measures, without making the shape: 8 microseconds. Does not allocate.
+  /// What evaluate()'s shape measures, without making the shape: 40 microseconds. Does not allocate.
   Measures measure(const Eigen::Matrix<float, 18, 1>& numbers) const;
 
  private:
