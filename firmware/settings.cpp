@@ -155,11 +155,17 @@ void read_network(TomlTable table, NetworkSettings& network) {
   table.finish();
 }
 
+/// Values of `user`, when it is given, take the place of the file's.
+TomlTable parse_merged(const std::filesystem::path& file, const std::filesystem::path& user) {
+  TomlTable root = TomlTable::parse_file(file);
+  if (!user.empty()) root.override_with(user);
+  return root;
+}
+
 }  // namespace
 
 Settings read_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
-  TomlTable root = TomlTable::parse_file(file);
-  if (!user.empty()) root.override_with(user);
+  TomlTable root = parse_merged(file, user);
   Settings settings;
   settings.pack = root.path("pack");
   read_source(root.table("source"), settings);
@@ -175,8 +181,7 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
 }
 
 NetworkSettings read_network_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
-  TomlTable root = TomlTable::parse_file(file);
-  if (!user.empty()) root.override_with(user);
+  TomlTable root = parse_merged(file, user);
   NetworkSettings network;
   if (root.has("network")) read_network(root.table("network"), network);
   return network;
@@ -189,8 +194,7 @@ void read_part(const std::filesystem::path& file, const std::filesystem::path& u
                const Read& read) {
   for (const std::filesystem::path& changes : {user, std::filesystem::path()}) {
     try {
-      TomlTable root = TomlTable::parse_file(file);
-      if (!changes.empty()) root.override_with(changes);
+      TomlTable root = parse_merged(file, changes);
       if (root.has(name)) read(root.table(name));
       return;
     } catch (const InputError&) {  // the next best

@@ -7,6 +7,7 @@
 
 #include "firmware/input_error.h"
 #include "firmware/shape/flush_denormals.h"
+#include "firmware/shape/free_step.h"
 
 // Legend: x positions, g gradient, H Hessian, index f free nodes, c nodes of the plates (they are moved, not solved
 // for).
@@ -173,22 +174,11 @@ bool NewtonSolver<S>::take_step(bool new_factor, bool search, Outcome& outcome) 
     });
     elements_.gradient(x_, gradient_);
   }
-  for (std::size_t i = 0; i < free_offsets_.size(); ++i)
-    for (int d = 0; d < 3; ++d) solution_[3 * i + d] = -gradient_[free_offsets_[i] + d];
-  cholesky_.solve(solution_);
-  S largest = 0;
-  double slope = 0;
-  for (std::size_t i = 0; i < free_offsets_.size(); ++i)
-    for (int d = 0; d < 3; ++d) {
-      const S dx = solution_[3 * i + d];
-      step_[free_offsets_[i] + d] = dx;
-      largest = std::max(largest, std::abs(dx));
-      slope += static_cast<double>(gradient_[free_offsets_[i] + d]) * static_cast<double>(dx);
-    }
+  const FreeStep<S> free = solve_free_step<S>(cholesky_, free_offsets_, gradient_, solution_, step_);
   S length = elements_.longest_step(x_, step_);
   if (!(length > 0)) return false;  // something is not finite
-  if (search) length = search_line(length, slope);
-  outcome.last_step_mm = length * largest;
+  if (search) length = search_line(length, free.slope);
+  outcome.last_step_mm = length * free.largest;
   if (new_factor) plates_at_aim_ = length == 1 || !plates_move_;
   move(length);
   return true;

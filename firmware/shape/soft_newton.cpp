@@ -6,6 +6,7 @@
 
 #include "firmware/input_error.h"
 #include "firmware/shape/flush_denormals.h"
+#include "firmware/shape/free_step.h"
 
 // Legend: x positions, g gradient, H Hessian, omega the springs' stiffness, c nodes of the plates (the handles).
 
@@ -72,17 +73,7 @@ double SoftNewtonSolver<S>::newton_step() {
       cholesky_.values()[handle.block + 4 * d] += stiffness;
     }
   if (!cholesky_.factor()) return std::numeric_limits<double>::quiet_NaN();
-  for (std::size_t i = 0; i < free_offsets_.size(); ++i)
-    for (int d = 0; d < 3; ++d) solution_[3 * i + d] = -gradient_[free_offsets_[i] + d];
-  cholesky_.solve(solution_);
-  double slope = 0;
-  for (std::size_t i = 0; i < free_offsets_.size(); ++i)
-    for (int d = 0; d < 3; ++d) {
-      const S dx = solution_[3 * i + d];
-      step_[free_offsets_[i] + d] = dx;
-      slope += static_cast<double>(gradient_[free_offsets_[i] + d]) * static_cast<double>(dx);
-    }
-  return slope;
+  return solve_free_step<S>(cholesky_, free_offsets_, gradient_, solution_, step_).slope;
 }
 
 // Shortens the step until the energy, which is infinite where a tetrahedron is inverted, falls by a part of what the

@@ -10,6 +10,7 @@
 
 #include "firmware/shape/elements.h"
 #include "firmware/shape/flush_denormals.h"
+#include "firmware/shape/free_step.h"
 #include "hostgen/bench/stopwatch.h"
 
 namespace finsight::host {
@@ -129,13 +130,8 @@ Iteration our_iteration(const ShapeModel& model, std::span<const double> node_mm
     time.derivatives_us = watch.lap_us();
     if (!w.derivatives.cholesky.factor()) fail("our Cholesky");
     time.factor_us = watch.lap_us();
-    for (std::size_t i = 0; i < w.derivatives.free_offset.size(); ++i) {
-      for (int d = 0; d < 3; ++d) w.solution[3 * i + d] = -w.derivatives.gradient[w.derivatives.free_offset[i] + d];
-    }
-    w.derivatives.cholesky.solve(w.solution);
-    for (std::size_t i = 0; i < w.derivatives.free_offset.size(); ++i) {
-      for (int d = 0; d < 3; ++d) w.node_step[w.derivatives.free_offset[i] + d] = w.solution[3 * i + d];
-    }
+    solve_free_step<S>(w.derivatives.cholesky, w.derivatives.free_offset, w.derivatives.gradient, w.solution,
+                       w.node_step);
     time.solve_us = watch.lap_us();
     if (!(w.derivatives.elements.longest_step(w.derivatives.x, w.node_step) > 0)) fail("our step bound");
     time.step_us = watch.lap_us();
