@@ -86,11 +86,11 @@ Supervisor::~Supervisor() {
 
 void Supervisor::ready() const { send("READY=1"); }
 
-void Supervisor::alive(std::int64_t now_ns) {
+void Supervisor::alive(std::int64_t now_ns, bool is_measuring) {
   constexpr std::int64_t kBetween_ns = 1'000'000'000;
   if (now_ns - last_alive_ns_ < kBetween_ns) return;
   last_alive_ns_ = now_ns;
-  send("WATCHDOG=1");
+  send(is_measuring ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
 }
 
 void Supervisor::send(const char* message) const {

@@ -38,9 +38,9 @@ class Supervisor {
   Supervisor& operator=(const Supervisor&) = delete;
 
   void ready() const;
-  /// Restarts the watchdog's time, at most once per second. To be called with every new frame, or another
-  /// answer of the camera's: that it is missing.
-  void alive(std::int64_t now_ns);
+  /// Restarts the watchdog's time, at most once per second, and says whether the sensor measures. To be called with
+  /// every new frame (true), and with another answer of the camera's: that it is missing (false).
+  void alive(std::int64_t now_ns, bool is_measuring);
 
  private:
   void send(const char* message) const;

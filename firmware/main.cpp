@@ -167,7 +167,7 @@ bool run(Camera& camera, int timeout_ms, FrameLoop& loop, ModbusServer& server, 
     if (camera.next(frame, timeout_ms)) {
       const RegisterImage& image = loop.step(frame);
       server.publish(image);
-      supervisor.alive(steady_now_ns());
+      supervisor.alive(steady_now_ns(), true);
       if (!outputs.set(image)) return false;
       log.add(image);
     } else if (camera.ended()) {
@@ -178,7 +178,7 @@ bool run(Camera& camera, int timeout_ms, FrameLoop& loop, ModbusServer& server, 
       server.publish(image);
       // A camera that is missing is looked for; a restart would not bring it, only cut the clients off.
       const std::uint32_t before = std::exchange(openings, camera.counts().openings);
-      if (openings != before) supervisor.alive(now_ns);
+      if (openings != before) supervisor.alive(now_ns, false);
       if (!outputs.set(image)) return false;
     }
   }

@@ -98,13 +98,13 @@ TEST_CASE("appliance: the supervisor is told, and the watchdog at most once per 
   supervisor.ready();
   CHECK(systemd.next() == "READY=1");
   constexpr std::int64_t kSecond = 1'000'000'000;
-  supervisor.alive(5 * kSecond);
-  supervisor.alive(5 * kSecond + 1);
-  supervisor.alive(6 * kSecond - 1);
-  CHECK(systemd.next() == "WATCHDOG=1");
+  supervisor.alive(5 * kSecond, true);
+  supervisor.alive(5 * kSecond + 1, true);
+  supervisor.alive(6 * kSecond - 1, false);
+  CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=measuring");
   CHECK(systemd.next() == "");
-  supervisor.alive(6 * kSecond);
-  CHECK(systemd.next() == "WATCHDOG=1");
+  supervisor.alive(6 * kSecond, false);
+  CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=looking for the camera");
 }
 
 TEST_CASE("appliance: without a supervisor, and with one that does not listen, nothing happens") {
@@ -112,7 +112,7 @@ TEST_CASE("appliance: without a supervisor, and with one that does not listen, n
   alone.ready();
   setenv("NOTIFY_SOCKET", "/nowhere/at/all", 1);
   Supervisor deaf;
-  deaf.alive(1'000'000'000'000);
+  deaf.alive(1'000'000'000'000, true);
   setenv("NOTIFY_SOCKET", std::string(200, 'x').c_str(), 1);
   Supervisor too_long;
   too_long.ready();

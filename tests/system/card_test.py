@@ -242,13 +242,35 @@ class Update(Case):
         self.assertGreater(switched, 0)
         self.assertLess(switched, 40)
 
-    def test_starts_are_filled_up_when_healthy_and_taken_when_an_update_is_sick(self):
-        put = '. "$FINSIGHT_LIB/slots"; slots_put'
+    def replace_systemctl(self, script):
         bin_folder = self.folder / "bin"
         bin_folder.mkdir()
-        (bin_folder / "systemctl").write_text(f'#!/bin/sh\necho "$@" >>{self.folder}/asked\n')
+        (bin_folder / "systemctl").write_text(f"#!/bin/sh\n{script}\n")
         (bin_folder / "systemctl").chmod(0o755)
         self.environment["PATH"] = f"{bin_folder}:{os.environ['PATH']}"
+
+    def test_an_update_is_healthy_when_the_sensor_measures_not_when_it_looks_for_the_camera(self):
+        self.replace_systemctl(f"cat {self.folder}/says")
+        (self.folder / "says").write_text("looking for the camera\n")
+        self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put a ii 1 1'], **self.environment)
+        with subprocess.Popen(["sh", ROOT / "usr/lib/finsight/slots", "healthy"],
+                              env={**os.environ, **self.environment}) as waiting:
+            time.sleep(1.5)
+            self.assertIsNone(waiting.poll())
+            self.assertEqual(self.record()["left"], "ii")
+            (self.folder / "says").write_text("measuring\n")
+            self.assertEqual(waiting.wait(10), 0)
+        self.assertEqual(self.record(), {"slot": "a", "left": "iiiiiiii", "spare": "1", "trial": "0"})
+
+    def test_a_slot_that_was_healthy_before_needs_no_camera_to_stay_so(self):
+        self.replace_systemctl("echo looking for the camera")
+        self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put a ii 1 0'], **self.environment)
+        self.assertEqual(self.slots("healthy").returncode, 0)
+        self.assertEqual(self.record()["left"], "iiiiiiii")
+
+    def test_starts_are_filled_up_when_healthy_and_taken_when_an_update_is_sick(self):
+        put = '. "$FINSIGHT_LIB/slots"; slots_put'
+        self.replace_systemctl(f'echo "$@" >>{self.folder}/asked')
         self.run_with(["sh", "-c", f"{put} a i 1 1"], **self.environment)
         self.assertEqual(self.slots("trial-over").returncode, 0)
         self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "1"})
