@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
+#include "firmware/shape/map_measures.h"
 #include "firmware/shape/newton.h"
 #include "firmware/shape/shape_map.h"
 
@@ -33,6 +35,7 @@ struct ShapeStage::Workspace {
         map_mm(rest_mm.begin(), rest_mm.end()),
         rest_energy(newton.energy()) {
     shape.node_mm = newton.node_mm();
+    if (settings.tier == ShapeSettings::Tier::kMeasures) map_measures.emplace(map_model, model);
   }
 
   void answer_by_measures(const PlatePoses& poses);
@@ -41,12 +44,13 @@ struct ShapeStage::Workspace {
   bool solve(const PlatePoses& poses);
   bool wrong_minimum() const;
   bool strained() const { return newton.energy() - rest_energy > kMostStrain * rest_energy; }
-  void measure();
+  void show(const ShapeMeasures& measures);
 
   ShapeSettings settings;
   std::span<const float> rest_mm;
   std::span<const std::int32_t> front_nodes;
   ShapeMap map;
+  std::optional<MapMeasures> map_measures;  // tier kMeasures only
   RigidPlates plates;
   NewtonSolver<float> newton;  // holds the published shape
   std::vector<float> map_mm;   // the map's shape of this frame
@@ -89,17 +93,16 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses) {
   }
   const bool measured = poses.quality == Quality::kFresh && poses.seen_count() == kPlates && !shape.fallback;
   shape.quality = shape.source == ShapeSource::kRest ? Quality::kInvalid : measured ? Quality::kFresh : Quality::kHeld;
-  if (work_->settings.tier != ShapeSettings::Tier::kMeasures) work_->measure();
+  if (work_->settings.tier != ShapeSettings::Tier::kMeasures) {
+    work_->show(measure_shape<float>(work_->rest_mm, work_->front_nodes, shape.node_mm));
+  }
   return shape;
 }
 
 void ShapeStage::Workspace::answer_by_measures(const PlatePoses& poses) {
-  const ShapeMap::Measures measures = map.measure(plate_numbers(poses));
   shape.source = ShapeSource::kMap;
   shape.node_mm = {};
-  shape.rms_mm = measures.rms_mm;
-  shape.front_rms_mm = measures.front_rms_mm;
-  shape.largest_mm = measures.largest_mm;
+  show(map_measures->measure(map.coefficients(plate_numbers(poses))));
 }
 
 // A shape with an inverted tetrahedron never goes out: the way from rest to it does, as far as it is possible.
@@ -143,27 +146,10 @@ bool ShapeStage::Workspace::wrong_minimum() const {
          rest_energy + kWrongMinimum * (newton.energy() - rest_energy) - kEnergyRounding * rest_energy;
 }
 
-void ShapeStage::Workspace::measure() {
-  const auto squared_mm2 = [&](std::size_t node) {
-    double sum = 0;
-    for (std::size_t i = 3 * node; i < 3 * node + 3; ++i) {
-      const double u = static_cast<double>(shape.node_mm[i]) - static_cast<double>(rest_mm[i]);
-      sum += u * u;
-    }
-    return sum;
-  };
-  double all = 0, front = 0, largest = 0;
-  const std::size_t nodes = rest_mm.size() / 3;
-  for (std::size_t node = 0; node < nodes; ++node) {
-    const double u_sq = squared_mm2(node);
-    all += u_sq;
-    largest = std::max(largest, u_sq);
-  }
-  for (const std::int32_t node : front_nodes) front += squared_mm2(node);
-  const auto front_count = static_cast<double>(std::max<std::size_t>(front_nodes.size(), 1));
-  shape.rms_mm = static_cast<float>(std::sqrt(all / static_cast<double>(nodes)));
-  shape.front_rms_mm = static_cast<float>(std::sqrt(front / front_count));
-  shape.largest_mm = static_cast<float>(std::sqrt(largest));
+void ShapeStage::Workspace::show(const ShapeMeasures& measures) {
+  shape.rms_mm = measures.rms_mm;
+  shape.front_rms_mm = measures.front_rms_mm;
+  shape.largest_mm = measures.largest_mm;
 }
 
 }  // namespace finsight

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/shape/shape_measures.h"
 #include "firmware/shape/shape_stage.h"
 #include "hostgen/common.h"
 #include "hostgen/report/areas.h"
@@ -42,26 +43,10 @@ std::vector<Schedule> schedules(bool quick) {
 
 /// What the three measures of a shape without nodes are off: the worst and the mean of them.
 ShapeDistance measures_distance(const ShapeModel& model, const FingerShape& shape, const std::vector<double>& truth) {
-  double all = 0, front = 0, largest = 0;
-  const auto squared_mm2 = [&](std::size_t node) {
-    double sum = 0;
-    for (std::size_t i = 3 * node; i < 3 * node + 3; ++i) {
-      const double u = truth[i] - static_cast<double>(model.rest_mm[i]);
-      sum += u * u;
-    }
-    return sum;
-  };
-  for (std::size_t node = 0; node < truth.size() / 3; ++node) {
-    all += squared_mm2(node);
-    largest = std::max(largest, squared_mm2(node));
-  }
-  for (const std::int32_t node : model.front_nodes) front += squared_mm2(static_cast<std::size_t>(node));
-  const double off[] = {
-      std::abs(static_cast<double>(shape.rms_mm) - std::sqrt(3 * all / static_cast<double>(truth.size()))),
-      std::abs(static_cast<double>(shape.front_rms_mm) -
-               std::sqrt(front / static_cast<double>(std::max<std::size_t>(model.front_nodes.size(), 1)))),
-      std::abs(static_cast<double>(shape.largest_mm) - std::sqrt(largest))};
-  return {std::max({off[0], off[1], off[2]}), (off[0] + off[1] + off[2]) / 3};
+  const ShapeMeasures wanted = measure_shape<double>(model.rest_mm, model.front_nodes, truth);
+  const float off[] = {std::abs(shape.rms_mm - wanted.rms_mm), std::abs(shape.front_rms_mm - wanted.front_rms_mm),
+                       std::abs(shape.largest_mm - wanted.largest_mm)};
+  return {double(std::max({off[0], off[1], off[2]})), double(off[0] + off[1] + off[2]) / 3};
 }
 
 json measure(const Model& model, const Schedule& schedule, const PlateMotionPath& motion, const Shapes& truth) {
@@ -127,11 +112,12 @@ json measure_solver(const Model& model, const json& bench, const std::filesystem
   std::vector<PlateMotionPath> motions = report_motions(model.mount);
   if (quick) motions.resize(2);
   json rows = json::array();
-  Progress progress("shape stage", motions.size() * (schedules(quick).size() + 1));
+  const std::vector<Schedule> list = schedules(quick);
+  Progress progress("shape stage", motions.size() * (list.size() + 1));
   for (const PlateMotionPath& motion : motions) {
     const Shapes truth = converged_shapes(model.shape, model.mount, motion);
     progress.advance();
-    for (const Schedule& schedule : schedules(quick)) {
+    for (const Schedule& schedule : list) {
       if (interrupted()) throw Interrupted();
       rows.push_back(measure(model, schedule, motion, truth));
       progress.advance();

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "firmware/input_error.h"
+#include "firmware/shape/map_measures.h"
 #include "tests/random.h"
 
 using namespace finsight;
@@ -35,10 +36,12 @@ struct RandomMap {
     model.rest_mm = rest;
     return model;
   }
-  ShapeMap::Measures measure(const std::vector<std::int32_t>& front) const {
+  ShapeMeasures measure(const std::vector<std::int32_t>& front) const {
     ShapeModel model = shape();
     model.front_nodes = front;
-    return ShapeMap(map(), model).measure(Eigen::Map<const Eigen::Matrix<float, 18, 1>>(numbers.data()));
+    const ShapeMap shape_map(map(), model);
+    return MapMeasures(map(), model)
+        .measure(shape_map.coefficients(Eigen::Map<const Eigen::Matrix<float, 18, 1>>(numbers.data())));
   }
   std::vector<float> evaluate() const {
     std::vector<float> node_mm(kCoordinates, -1.0f);
@@ -99,20 +102,20 @@ TEST_CASE("shape map: measures without the shape what the shape measures") {
     CAPTURE(rank);
     for (int turn = 0; turn < 20; ++turn) {
       for (float& number : random.numbers) number = 0.5f * number + 0.1f * static_cast<float>(turn);
-      const std::vector<float> shape = random.evaluate();
-      double all = 0, on_front = 0, largest = 0;
-      for (std::size_t node = 0; node < shape.size() / 3; ++node) {
-        double sum = 0;
-        for (std::size_t i = 3 * node; i < 3 * node + 3; ++i)
-          sum += std::pow(double(shape[i]) - double(random.rest[i]), 2);
-        all += sum;
-        if (std::find(front.begin(), front.end(), int(node)) != front.end()) on_front += sum;
-        largest = std::max(largest, sum);
-      }
-      const ShapeMap::Measures measures = random.measure(front);
-      CHECK(double(measures.rms_mm) == doctest::Approx(std::sqrt(3 * all / double(shape.size()))).epsilon(1e-4));
-      CHECK(double(measures.front_rms_mm) == doctest::Approx(std::sqrt(on_front / 4)).epsilon(1e-4));
-      CHECK(double(measures.largest_mm) == doctest::Approx(std::sqrt(largest)).epsilon(1e-4));
+      const ShapeMeasures wanted = measure_shape<float>(random.rest, front, random.evaluate());
+      const ShapeMeasures measures = random.measure(front);
+      CHECK(measures.rms_mm == doctest::Approx(wanted.rms_mm).epsilon(1e-4));
+      CHECK(measures.front_rms_mm == doctest::Approx(wanted.front_rms_mm).epsilon(1e-4));
+      CHECK(measures.largest_mm == doctest::Approx(wanted.largest_mm).epsilon(1e-4));
     }
   }
+}
+
+TEST_CASE("shape measures: are root mean squares of all and of the front nodes, and the largest") {
+  const std::vector<float> rest = {0, 0, 0, 1, 1, 1, 2, 2, 2}, moved = {3, 4, 0, 1, 1, 1, 2, 2, 14};
+  const std::vector<std::int32_t> front = {0, 1};
+  const ShapeMeasures measures = measure_shape<float>(rest, front, moved);
+  CHECK(measures.rms_mm == doctest::Approx(std::sqrt(169.0 / 3)));
+  CHECK(measures.front_rms_mm == doctest::Approx(std::sqrt(12.5)));
+  CHECK(measures.largest_mm == doctest::Approx(12));
 }
