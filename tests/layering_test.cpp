@@ -103,6 +103,7 @@ TEST_CASE("layering: an outside library is seen by the folders that it was chose
       {"toml++/", {"firmware"}},
       {"nlohmann/", {"firmware/model", "hostgen/bench", "hostgen/pack", "hostgen/report", "hostgen"}},
       {"openssl/", {"hostgen"}},
+      {"metis.h", {"hostgen/fem"}},
       {"CLI/", {"hostgen", "hostgen/bench"}},
       {"Eigen/CholmodSupport", {"hostgen/bench"}},
   };

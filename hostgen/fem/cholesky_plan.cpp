@@ -1,17 +1,22 @@
 #include "hostgen/fem/cholesky_plan.h"
 
+#include <metis.h>
+
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <iterator>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace finsight::host {
 
 namespace {
 
 using Lists = std::vector<std::vector<int>>;
+
+constexpr int kFewestForDissection = 100;  // blocks; below, METIS has nothing to dissect
 
 void check_neighbours(const Lists& neighbours) {
   const int n = static_cast<int>(neighbours.size());
@@ -40,6 +45,26 @@ std::vector<int> minimum_degree(const Lists& neighbours) {
   Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int> order;
   Eigen::AMDOrdering<int>()(pattern, order);
   return {order.indices().data(), order.indices().data() + n};
+}
+
+// Nested dissection (METIS, multilevel): order[position] = block. Beats minimum degree from about 5,000 tetrahedra on.
+std::vector<int> nested_dissection(const Lists& neighbours) {
+  idx_t n = static_cast<idx_t>(neighbours.size());
+  std::vector<idx_t> start = {0}, adjacent;
+  for (const auto& list : neighbours) {
+    adjacent.insert(adjacent.end(), list.begin(), list.end());
+    start.push_back(static_cast<idx_t>(adjacent.size()));
+  }
+  std::vector<idx_t> order(neighbours.size()), position(neighbours.size());
+  idx_t options[METIS_NOPTIONS];
+  METIS_SetDefaultOptions(options);
+  options[METIS_OPTION_SEED] = 1;
+  options[METIS_OPTION_UFACTOR] = 400;  // parts of unequal size are fine where that makes the cut small
+  options[METIS_OPTION_NSEPS] = 5;
+  if (METIS_NodeND(&n, start.data(), adjacent.data(), nullptr, options, order.data(), position.data()) != METIS_OK) {
+    throw std::runtime_error("plan_cholesky: METIS finds no order");
+  }
+  return {order.begin(), order.end()};
 }
 
 // The factor's pattern under an order, by columns = elimination positions.
@@ -142,6 +167,45 @@ std::vector<int> postorder(const std::vector<Supernode>& nodes) {
   return result;
 }
 
+// The columns of a supernode may be eliminated in any order. Descendants hold some of them as rows; the more of those
+// rows stand side by side, the longer the runs in which an update is added to its parent's front. So columns that the
+// same descendants hold come together: each next one is the nearest to the last, counted in descendants that hold only
+// one of the two. (Pichon et al. 2017, "Reordering strategy for blocking optimization in sparse linear solvers".)
+void gather_columns(std::vector<Supernode>& nodes, const std::vector<int>& sequence) {
+  Lists holders(nodes.size());  // of each column: the supernodes that have it among their rows, ascending
+  for (std::size_t s = 0; s < sequence.size(); ++s) {
+    for (const int row : nodes[sequence[s]].rows) holders[row].push_back(static_cast<int>(s));
+  }
+  const auto distance = [&](int a, int b) {
+    std::vector<int> differing;
+    std::set_symmetric_difference(holders[a].begin(), holders[a].end(), holders[b].begin(), holders[b].end(),
+                                  std::back_inserter(differing));
+    return differing.size();
+  };
+  for (const int node : sequence) {
+    std::vector<int>& columns = nodes[node].columns;
+    const auto fewest = [&](int a, int b) { return holders[a].size() < holders[b].size(); };
+    std::iter_swap(columns.begin(), std::min_element(columns.begin(), columns.end(), fewest));
+    for (std::size_t k = 1; k + 1 < columns.size(); ++k) {
+      std::size_t best = k, least = distance(columns[k - 1], columns[k]);
+      for (std::size_t c = k + 1; c < columns.size(); ++c) {
+        const std::size_t d = distance(columns[k - 1], columns[c]);
+        if (d < least) best = c, least = d;
+      }
+      std::swap(columns[k], columns[best]);
+    }
+  }
+}
+
+double cost_of(const std::vector<Supernode>& nodes) {
+  double sum = 0;
+  for (const Supernode& node : nodes) {
+    if (node.columns.empty()) continue;
+    sum += front_cost(static_cast<double>(node.columns.size()), static_cast<double>(node.rows.size()));
+  }
+  return sum;
+}
+
 }  // namespace
 
 CholeskyPlan CholeskyPlanData::view() const {
@@ -150,9 +214,18 @@ CholeskyPlan CholeskyPlanData::view() const {
 
 CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours) {
   check_neighbours(neighbours);
-  const std::vector<int> first_order = minimum_degree(neighbours);
-  const std::vector<Supernode> nodes = merge_columns(eliminate(neighbours, first_order));
+  std::vector<int> first_order = minimum_degree(neighbours);
+  std::vector<Supernode> nodes = merge_columns(eliminate(neighbours, first_order));
+  if (kFewestForDissection <= static_cast<int>(neighbours.size())) {
+    std::vector<int> dissected = nested_dissection(neighbours);
+    std::vector<Supernode> dissected_nodes = merge_columns(eliminate(neighbours, dissected));
+    if (cost_of(dissected_nodes) < cost_of(nodes)) {
+      first_order = std::move(dissected);
+      nodes = std::move(dissected_nodes);
+    }
+  }
   const std::vector<int> sequence = postorder(nodes);
+  gather_columns(nodes, sequence);
 
   // Number the columns as their supernodes come, then express everything in these final positions.
   const int n = static_cast<int>(neighbours.size());

@@ -326,6 +326,25 @@ TEST_CASE("plan_cholesky: refuses lists of neighbours that are not symmetric, as
   CHECK_THROWS_AS(plan_cholesky({{2, 1}, {0}, {0}}), std::invalid_argument);
 }
 
+TEST_CASE("plan_cholesky: rows that stand side by side mostly do so in the parent's front too") {
+  const CholeskyPlanData plan = plan_cholesky(grid_graph(40, 20, 2));
+  double rows = 0, runs = 0;
+  for (std::size_t s = 0; s + 1 < plan.supernode_start.size(); ++s) {
+    const std::vector<int> own(plan.rows.begin() + plan.rows_start[s], plan.rows.begin() + plan.rows_start[s + 1]);
+    if (own.empty()) continue;
+    const auto after = std::upper_bound(plan.supernode_start.begin(), plan.supernode_start.end(), own.front());
+    const auto parent = after - plan.supernode_start.begin() - 1;
+    std::vector<int> front;  // the parent's columns and rows
+    for (int c = plan.supernode_start[parent]; c < plan.supernode_start[parent + 1]; ++c) front.push_back(c);
+    front.insert(front.end(), plan.rows.begin() + plan.rows_start[parent],
+                 plan.rows.begin() + plan.rows_start[parent + 1]);
+    const auto place = [&](int row) { return std::lower_bound(front.begin(), front.end(), row) - front.begin(); };
+    for (std::size_t k = 0; k < own.size(); ++k) runs += k == 0 || place(own[k]) != place(own[k - 1]) + 1;
+    rows += static_cast<double>(own.size());
+  }
+  CHECK(rows / runs > 8);
+}
+
 TEST_CASE("plan_cholesky: the factor of a finger's mesh needs little more arithmetic than minimum degree alone") {
   const host::ShapeModelData model = host::make_shape_model(test::frame_mesh());
   const CholeskyPlan plan = model.cholesky.view();
