@@ -33,6 +33,7 @@ struct ShapeStage::Workspace {
         plates(model, mount),
         newton(model, mount),
         map_mm(rest_mm.begin(), rest_mm.end()),
+        kept_mm(rest_mm.size()),
         rest_energy(newton.energy()) {
     shape.node_mm = newton.node_mm();
     if (settings.tier == ShapeSettings::Tier::kMeasures) map_measures.emplace(map_model, model);
@@ -41,6 +42,7 @@ struct ShapeStage::Workspace {
   void answer_by_measures(const PlatePoses& poses);
   void answer_by_map(const PlatePoses& poses);
   void answer_by_newton(const PlatePoses& poses);
+  void try_from_rest(const PlatePoses& poses);
   bool solve(const PlatePoses& poses);
   bool wrong_minimum() const;
   bool strained() const { return newton.energy() - rest_energy > kMostStrain * rest_energy; }
@@ -54,9 +56,11 @@ struct ShapeStage::Workspace {
   RigidPlates plates;
   NewtonSolver<float> newton;  // holds the published shape
   std::vector<float> map_mm;   // the map's shape of this frame
+  std::vector<float> kept_mm;  // the present shape while another is tried
   double rest_energy;
   PlatePoses last_poses;
-  bool has_last = false;  // the solver holds the last frame's shape, that of last_poses or on the way there
+  bool was_rough = false;  // the last frame needed more than its schedule, failed or strained the finger too much
+  bool has_last = false;   // the solver holds the last frame's shape, that of last_poses or on the way there
   FingerShape shape;
 };
 
@@ -120,7 +124,13 @@ void ShapeStage::Workspace::answer_by_newton(const PlatePoses& poses) {
   const bool follow = has_last && settings.tier == ShapeSettings::Tier::kNewton && !newton.is_jump(last_poses, poses);
   if (!follow && !newton.start_from(map_mm, poses)) newton.start_towards(map_mm, poses);
   bool ok = solve(poses);
-  if (follow && (!ok || wrong_minimum()) && newton.start_from(map_mm, poses)) ok = solve(poses);
+  const bool is_rough = !ok || shape.iterations > settings.factorisations * (1 + settings.chord_steps) || strained();
+  if (follow && (!ok || wrong_minimum()) && newton.start_from(map_mm, poses)) {
+    ok = solve(poses);
+  } else if (follow && ok && was_rough) {
+    try_from_rest(poses);
+  }
+  was_rough = is_rough;
   shape.source = ShapeSource::kNewton;
   shape.fallback = !ok || strained();
   has_last = true;
@@ -129,6 +139,15 @@ void ShapeStage::Workspace::answer_by_newton(const PlatePoses& poses) {
     shape.source = ShapeSource::kMap;
     has_last = false;
   }
+}
+
+// What following the plates through a rough frame led to can be a wrong minimum that no shape of the map shows. What a
+// solve from rest finds takes its place if that costs less energy.
+void ShapeStage::Workspace::try_from_rest(const PlatePoses& poses) {
+  const double energy = newton.energy();
+  std::copy(newton.node_mm().begin(), newton.node_mm().end(), kept_mm.begin());
+  newton.start_at_rest();
+  if (!solve(poses) || !(newton.energy() < energy)) newton.start_from(kept_mm, poses);
 }
 
 // The step bound keeps determinants positive, but a tenth of a tenth of a tenth ends in rounding: an energy that is not

@@ -13,7 +13,8 @@ struct ShapeSettings {
   /// kMeasures: what the shape map's shape measures, without the shape: all that registers need, and no check of it.
   /// kMap: the shape map alone. kMapAndNewton: Newton steps from the map's shape, every frame by itself. kNewton:
   /// Newton steps from the last frame's shape; from the map's after a gap, after a jump of the plates, and where the
-  /// map's shape costs clearly less energy, so that a wrong minimum does not last.
+  /// map's shape costs clearly less energy, or after a rough frame a solve from rest does, so that a wrong minimum does
+  /// not last.
   enum class Tier { kMeasures, kMap, kMapAndNewton, kNewton } tier = Tier::kNewton;
   int factorisations = 1;
   int chord_steps = 1;  ///< further steps per factorisation that reuse its factor

@@ -8,6 +8,7 @@
 #include "firmware/shape/newton.h"
 #include "hostgen/fem/shape_model.h"
 #include "hostgen/learn/shape_map_training.h"
+#include "hostgen/report/hard_case.h"
 #include "hostgen/report/hard_motions.h"
 #include "tests/random.h"
 #include "tests/shape/finger_motion.h"
@@ -81,6 +82,22 @@ TEST_CASE("hard cases: never a shape that is not finite or inverted, bounded wor
     names.insert(result.name);
   }
   CHECK(names.size() == results.size());
+}
+
+TEST_CASE("hard cases: poses at random for a second do not leave a coarse mesh in a wrong minimum") {
+  const Finger finger(test::frame_mesh(2, 6, 5));
+  for (const std::uint64_t seed : {8, 10, 14, 22, 54}) {  // without the try from rest, one ends 0.6 mm off
+    CAPTURE(seed);
+    host::HardMotion motion(finger.mount);
+    motion.bend({10, 3, 15}).bend({-5, 0, 0}).noise(20);
+    test::Random random(100 + seed);
+    for (PlatePoses& poses : motion.frames)
+      for (PlateMotion& plate : poses.plates)
+        for (int d = 0; d < 3; ++d) plate.displacement_mm[d] += static_cast<float>(0.3 * random.normal());
+    constexpr double kAnyError_mm = 1e9;  // each pose may be one that no finger can take
+    check(host::run_hard_case(finger.parts(),
+                              {"random poses, seed " + std::to_string(seed), motion.hold(10), kAnyError_mm}));
+  }
 }
 
 TEST_CASE("hard cases: a long random walk neither drifts nor gets stuck") {
