@@ -1,4 +1,4 @@
-// hostgen render: finger spec -> a touch that wanders over the face -> what the camera would see of it -> session.
+// hostgen render: finger spec -> a touch that moves over the face -> what the camera would see of it -> session.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -14,6 +14,7 @@
 #include "hostgen/common.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/render/renderer.h"
+#include "hostgen/render/scenes.h"
 #include "hostgen/render/touch_path.h"
 
 namespace finsight::host {
@@ -26,10 +27,23 @@ constexpr int kFramesPerSecond = 60;
 
 struct Options {
   fs::path spec, output;
-  std::string size = "640x480";
+  std::string size = "640x480", preset = "lab", motion = "wander", event = "none";
   double seconds = 12;
   std::uint64_t seed = 1;
 };
+
+template <class Value>
+std::vector<std::string> names_of(const std::vector<std::pair<std::string, Value>>& named) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : named) names.push_back(name);
+  return names;
+}
+
+/// `name` is one of them: CLI11 has checked it.
+template <class Value>
+Value value_of(const std::vector<std::pair<std::string, Value>>& named, const std::string& name) {
+  return std::find_if(named.begin(), named.end(), [&](const auto& pair) { return pair.first == name; })->second;
+}
 
 const std::map<std::string, std::size_t> kCameraOfSize = {{"1280x720", 0}, {"640x480", 1}};
 
@@ -72,7 +86,8 @@ SessionInfo session_info(const FingerSpec& spec, const CameraIntrinsics& c, cons
                    .marker_dictionary = "DICT_4X4_50",
                    .marker_id = {},
                    .marker_size_mm = spec.marker_size_mm,
-                   .description = "rendered: a touch that wanders over finger " + spec.name + ", seed " +
+                   .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " +
+                                  options.motion + ", event " + options.event + ", seed " +
                                   std::to_string(options.seed)};
   for (int plate = 0; plate < kPlates; ++plate) info.marker_id[plate] = spec.plates[plate].marker_id;
   return info;
@@ -116,14 +131,16 @@ std::string truth_csv(const std::vector<FemState>& states) {
 }
 
 void write_pictures(const fs::path& file, const FingerSpec& spec, const CameraIntrinsics& camera,
-                    const std::vector<FemState>& states, std::uint64_t seed) {
-  Renderer renderer(spec, camera, PictureQuality{}, seed);
+                    const std::vector<FemState>& states, const Options& options) {
+  const PictureQuality quality = picture_preset(options.preset);
+  Renderer renderer(spec, camera, quality, 2 * options.seed + 1);
+  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, value_of(session_events(), options.event));
   Y4mWriter writer(file, camera.width_px, camera.height_px, kFramesPerSecond);
   Progress progress("pictures", states.size());
   std::vector<std::uint8_t> grey;
-  for (const FemState& state : states) {
+  for (std::size_t frame = 0; frame < states.size(); ++frame) {
     if (interrupted()) throw Interrupted();
-    renderer.render(state.plates, grey);
+    if (!scenes.is_frozen(frame)) renderer.render(scenes.exposure(frame), grey);
     writer.write(grey.data());
     progress.advance();
   }
@@ -149,9 +166,10 @@ void run(const Options& options) {
   PendingFolder folder(options.output);
   const int frames = std::max(1, static_cast<int>(std::lround(options.seconds * kFramesPerSecond)));
   // Two independent streams of random numbers from one seed: the touch does not depend on the picture's size.
-  const TouchPlan plan(spec, options.seconds, 2 * options.seed);
-  const std::vector<FemState> states = make_touch_path(spec, make_mesh(spec), plan, frames, kFramesPerSecond);
-  write_pictures(folder.path() / kSessionFrames, spec, camera, states, 2 * options.seed + 1);
+  const TouchPlan plan(spec, options.seconds, 2 * options.seed, value_of(touch_paths(), options.motion));
+  std::vector<FemState> states = make_touch_path(spec, make_mesh(spec), plan, frames, kFramesPerSecond);
+  if (value_of(session_events(), options.event) == SessionEvent::kShaken) shake(spec, kFramesPerSecond, states);
+  write_pictures(folder.path() / kSessionFrames, spec, camera, states, options);
   write_file_atomically(folder.path() / kSessionTruth, truth_csv(states));
   write_file_atomically(folder.path() / kSessionInfo, session_info_toml(session_info(spec, camera, options)));
   folder.finish();
@@ -167,6 +185,15 @@ void add_render_command(CLI::App& app) {
   command->add_option("-o,--output", options->output, "session folder to write")->required();
   command->add_option("--size", options->size, "1280x720 (55 MB per second) or 640x480 (18 MB per second)")
       ->check(CLI::IsMember(kCameraOfSize))
+      ->capture_default_str();
+  command->add_option("--preset", options->preset, "quality of the pictures")
+      ->check(CLI::IsMember(picture_presets()))
+      ->capture_default_str();
+  command->add_option("--motion", options->motion, "how the touch moves over the face")
+      ->check(CLI::IsMember(names_of(touch_paths())))
+      ->capture_default_str();
+  command->add_option("--event", options->event, "what happens in the middle third")
+      ->check(CLI::IsMember(names_of(session_events())))
       ->capture_default_str();
   command->add_option("--seconds", options->seconds, "length")->check(CLI::Range(0.1, 600.0))->capture_default_str();
   command->add_option("--seed", options->seed, "of the touch's way and of the noise")->capture_default_str();

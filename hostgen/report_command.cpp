@@ -17,7 +17,7 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path pack, session, folder, bench;
+  std::filesystem::path pack, spec, folder, bench;
   bool quick = false;
   std::vector<std::string> areas;
 };
@@ -39,7 +39,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     return figures;
   }
   if (area == "modbus") return measure_modbus(options.quick);
-  if (area == "vision") return measure_vision(model, options.session, options.quick);
+  if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.quick);
   const nlohmann::json built = read_build_figures(options.pack);  // fem and touch were measured when the pack was made
   return {{area, built[area]}};
 }
@@ -69,7 +69,7 @@ void add_report_command(CLI::App& app) {
   command->add_option("areas", options->areas, "what to measure; all when none is named")
       ->check(CLI::IsMember(report_areas()));
   command->add_option("--pack", options->pack, "model pack")->required();
-  command->add_option("--session", options->session, "rendered session, for area vision")->required();
+  command->add_option("--spec", options->spec, "the pack's finger spec, for area vision")->required();
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();
   command->add_flag("--quick", options->quick, "shorter motions and fewer reads");

@@ -105,7 +105,7 @@ Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const
   for (std::size_t i = 0; i < noise_table_.size(); ++i) {
     noise_table_[i] = i < kNoiseTable ? static_cast<float>(noise_.normal()) : noise_table_[i - kNoiseTable];
   }
-  blur_weights_ = blur_weights(quality.blur_px);
+  film_ = PictureFilm(quality, camera.width_px, camera.height_px, noise_);
   upper_mm_.resize(static_cast<std::size_t>(camera_.width_px) + 1);
   lower_mm_ = upper_mm_;
 }
@@ -149,19 +149,47 @@ void Renderer::prepare_light(Random& random) {
 }
 
 void Renderer::render(const std::array<PlateMotion, kPlates>& plates, std::vector<std::uint8_t>& grey) {
+  const Scene still{plates, {}, 1};
+  render({&still, 1}, grey);
+}
+
+void Renderer::render(std::span<const Scene> exposure, std::vector<std::uint8_t>& grey) {
+  exposed_.assign(background_.size(), 0);
+  const float part = 1 / static_cast<float>(exposure.size());
+  for (const Scene& scene : exposure) {
+    draw(scene);
+    for (std::size_t i = 0; i < exposed_.size(); ++i) exposed_[i] += part * scene.light * picture_[i];
+  }
+  picture_.swap(exposed_);
+  for (std::size_t i = 0; i < film_.transmission.size(); ++i) picture_[i] *= film_.transmission[i];
+  for (std::size_t i = 0; i < film_.glare.size(); ++i) picture_[i] += exposure[0].light * film_.glare[i];
+  quantise(grey);
+  if (quality_.jpeg_quality < 100) {
+    compress_like_jpeg(grey, camera_.width_px, camera_.height_px, quality_.jpeg_quality);
+  }
+}
+
+void Renderer::draw(const Scene& scene) {
   std::array<Eigen::Isometry3d, kPlates> T_camera_marker;
   std::array<int, kPlates> order{};
   for (int plate = 0; plate < kPlates; ++plate) {
     T_camera_marker[plate] =
-        spec_.T_finger_camera.inverse() * moved(spec_.plates[plate].T_finger_marker, plates[plate]);
+        spec_.T_finger_camera.inverse() * moved(spec_.plates[plate].T_finger_marker, scene.plates[plate]);
     order[plate] = plate;
   }
   // From far to near: what is nearer covers what is behind it.
   std::sort(order.begin(), order.end(),
             [&](int a, int b) { return T_camera_marker[a].translation().z() > T_camera_marker[b].translation().z(); });
   picture_ = background_;
-  for (const int plate : order) draw_plate(faces_[plate], T_camera_marker[plate]);
-  quantise(grey);
+  for (const int plate : order) {
+    if (!scene.covered[plate]) draw_plate(faces_[plate], T_camera_marker[plate]);
+  }
+}
+
+/// A lens's circle of confusion grows with |1 - focus / z|.
+void Renderer::sharpness_at(double z_mm) {
+  const double defocus_px = quality_.defocus_px * std::abs(1 - quality_.focus_mm / std::max(z_mm, kNearestMm));
+  blur_weights_ = blur_weights(std::hypot(quality_.blur_px, defocus_px));
 }
 
 /// The part of the picture that the face can reach, blur included; all of it when the face leaves the lens's reach.
@@ -189,6 +217,7 @@ Renderer::Box Renderer::bounds(const Face& face, const Eigen::Isometry3d& T_came
 void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker) {
   const Eigen::Vector3d place = T_camera_marker.translation();
   const bool seen_from_below = T_camera_marker.linear().col(2).dot(place) < 0;
+  sharpness_at(place.z());
   const Box box = bounds(face, T_camera_marker);
   if (!seen_from_below || box.width() <= 0 || box.height() <= 0) return;
   const std::size_t pixels = static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());

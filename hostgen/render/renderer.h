@@ -2,33 +2,31 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "firmware/types.h"
 #include "hostgen/finger/spec.h"
 #include "hostgen/random.h"
 #include "hostgen/render/lens.h"
+#include "hostgen/render/picture_effects.h"
 
 namespace finsight::host {
-
-/// How the picture is spoiled. Grey levels 0 ... 255, lengths in pixels.
-struct PictureQuality {
-  double blur_px = 0.6;            ///< standard deviation of the lens's blur
-  double read_noise = 1.5;         ///< standard deviation, grey levels
-  double shot_noise = 0.15;        ///< standard deviation is this times the square root of the grey level
-  double white = 205, black = 28;  ///< grey of lit paper and of ink
-  double plate = 105;              ///< grey of a plate beside its paper
-  double background = 70;          ///< grey of the finger's inside
-  double vignetting = 0.35;        ///< share of the light lost in the corner of the picture
-  double light_gradient = 0.25;    ///< relative difference of the light from left to right
-};
 
 /// Each plate is the rectangle that the spec gives it, seen from its lower side: the marker, one module of white paper
 /// around it, and the plate itself beside the paper. Pixels are areas (centres at whole numbers, OpenCV's convention).
 class Renderer {
  public:
   Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const PictureQuality& quality, std::uint64_t seed);
-  /// Grey picture, width * height bytes. The same seed and call order give the same bytes.
+  /// Where the plates are at one time, which of them the camera can see, and how much of the light is on.
+  struct Scene {
+    std::array<PlateMotion, kPlates> plates;
+    std::array<bool, kPlates> covered{};
+    float light = 1;
+  };
+  /// Grey picture, width * height bytes: the mean of the scenes, which follow each other during the exposure. The same
+  /// seed and call order give the same bytes.
+  void render(std::span<const Scene> exposure, std::vector<std::uint8_t>& grey);
   void render(const std::array<PlateMotion, kPlates>& plates, std::vector<std::uint8_t>& grey);
 
  private:
@@ -48,6 +46,8 @@ class Renderer {
 
   void prepare_rays();
   void prepare_light(Random& random);
+  void draw(const Scene& scene);
+  void sharpness_at(double z_mm);
   Box bounds(const Face& face, const Eigen::Isometry3d& T_camera_marker) const;
   void draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker);
   void draw_row(const Face& face, const Box& box, int y);
@@ -64,10 +64,12 @@ class Renderer {
   std::vector<float> light_;                 ///< [height, width] share of the full light
   std::vector<float> background_;            ///< [height, width] grey levels
   std::vector<float> noise_table_;
-  std::vector<float> blur_weights_;  ///< the middle one, then one side's
+  PictureFilm film_;
+  std::vector<float> blur_weights_;  ///< the middle one, then one side's; of the plate that is drawn
 
   // Workspace of one picture
-  std::vector<float> picture_;                 ///< [height, width] grey levels
+  std::vector<float> picture_;                 ///< [height, width] grey levels of one scene
+  std::vector<float> exposed_;                 ///< [height, width] their sum over the exposure
   std::vector<float> cover_, tone_, blurred_;  ///< one plate's layer, [box]: share of the pixel, grey level times share
   std::vector<Eigen::Vector2f> upper_mm_, lower_mm_;  ///< where the corners of a row of pixels see the plate
 };

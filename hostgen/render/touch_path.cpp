@@ -19,9 +19,10 @@ constexpr double kPauseShare = 1.0 / 8;  // of a press, half before and half aft
 constexpr double kRampShare = 1.0 / 5;
 constexpr double kLightestTouch_n = 0.01;  // a lighter one moves nothing that a camera sees, and drowns in rounding
 constexpr double kTipForceShare = 0.5;  // of the spec's largest force: the higher up, the further the finger gives way
-constexpr int kKeyStep = 4;             // frames from one solved state to the next: 67 ms, while forces ramp over 0.8 s
-constexpr std::size_t kChunk = 12;      // solved states in a row by one worker; not the number of cores, so that it
-                                        // does not change the result
+constexpr double kRounds = 2, kPathRadius = 0.8, kPathForceShare = 0.6, kPathRamp_s = 0.5;  // of the paper's paths
+constexpr int kKeyStep = 4;         // frames from one solved state to the next: 67 ms, while forces ramp over 0.8 s
+constexpr std::size_t kChunk = 12;  // solved states in a row by one worker; not the number of cores, so that it
+                                    // does not change the result
 
 // A touch that would push its point further is weakened: beyond 20 mm there are no training states, and near the edges
 // the largest force would push by more than that.
@@ -78,16 +79,26 @@ FemState touched(FingerStatics& finger, const Vec3f& point_mm, double force_n) {
 
 }  // namespace
 
-TouchPlan::TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed) : spec_(spec) {
+const std::vector<std::pair<std::string, TouchPlan::Path>>& touch_paths() {
+  using Path = TouchPlan::Path;
+  static const std::vector<std::pair<std::string, Path>> paths = {{"wander", Path::kWander}, {"fast", Path::kFast},
+                                                                  {"circle", Path::kCircle}, {"square", Path::kSquare},
+                                                                  {"eight", Path::kEight},   {"star", Path::kStar}};
+  return paths;
+}
+
+TouchPlan::TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed, Path path)
+    : spec_(spec), path_(path), seconds_(seconds) {
   Random random(seed);
-  const long presses = std::max(1L, std::lround(seconds / kPressSeconds));
+  const double pace = path == Path::kFast ? 3 : 1;
+  const long presses = std::max(1L, std::lround(pace * seconds / kPressSeconds));
   press_s_ = seconds / static_cast<double>(presses);
   for (long press = 0; press < presses; ++press) {
     press_largest_n_.push_back(spec.force_n[1] * (press == 0 ? 1.0 : random.uniform(0.6, 1.0)));
   }
   const auto waves = [&](double slow_hz, double fast_hz) {
     const auto wave = [&](double share, double hz) {
-      return Wave{share, kFullCircle * hz * random.uniform(0.8, 1.2), random.uniform(0, kFullCircle)};
+      return Wave{share, kFullCircle * pace * hz * random.uniform(0.8, 1.2), random.uniform(0, kFullCircle)};
     };
     return Waves{wave(0.7, slow_hz), wave(0.3, fast_hz)};
   };
@@ -102,14 +113,39 @@ double TouchPlan::wander(const Waves& waves, double time_s) {
   return sum;
 }
 
+// -1 ... 1 across and along: the corners of a polygon (a star is one that leaves corners out) one after the other,
+// evenly from each to the next; a circle; a figure eight along the finger.
+Eigen::Vector2d TouchPlan::on_path(double time_s) const {
+  const double turn = kRounds * std::clamp(time_s / seconds_, 0.0, 1.0), angle = kFullCircle * turn;
+  if (path_ == Path::kCircle) return {std::sin(angle), std::cos(angle)};
+  if (path_ == Path::kEight) return {std::sin(2 * angle), std::cos(angle)};
+  const int corners = path_ == Path::kSquare ? 4 : 5, step = path_ == Path::kSquare ? 1 : 2;
+  const auto corner = [&](double index) -> Eigen::Vector2d {
+    const double at = kFullCircle * (step * index + (path_ == Path::kSquare ? 0.5 : 0.0)) / corners;
+    return {std::sin(at), std::cos(at)};
+  };
+  const double side = turn * corners, from = std::floor(side);
+  return corner(from) + (side - from) * (corner(from + 1) - corner(from));
+}
+
 Vec3f TouchPlan::point_mm(double time_s) const {
   const auto [lowest_mm, highest_mm] = spec_.touch_y_mm;
+  if (path_ != Path::kWander && path_ != Path::kFast) {
+    const double middle_mm = (lowest_mm + highest_mm) / 2;
+    const double radius_mm = kPathRadius * (spec_.half_width.at(middle_mm) - spec_.touch_edge_mm);
+    const Eigen::Vector2d at_mm = radius_mm * on_path(time_s) + Eigen::Vector2d(0, middle_mm);
+    return Eigen::Vector3d(at_mm.x(), at_mm.y(), spec_.front_z.at(at_mm.y())).cast<float>();
+  }
   const double y_mm = lowest_mm + (highest_mm - lowest_mm) * 0.5 * (1 + wander(along_, time_s));
   const double x_mm = (spec_.half_width.at(y_mm) - spec_.touch_edge_mm) * wander(across_, time_s);
   return Eigen::Vector3d(x_mm, y_mm, spec_.front_z.at(y_mm)).cast<float>();
 }
 
 double TouchPlan::force_n(double time_s) const {
+  if (path_ != Path::kWander && path_ != Path::kFast) {
+    return kPathForceShare * spec_.force_n[1] * smooth_step(time_s / kPathRamp_s) *
+           smooth_step((seconds_ - time_s) / kPathRamp_s);
+  }
   const double press = std::floor(time_s / press_s_);
   if (press < 0 || press >= static_cast<double>(press_largest_n_.size())) return 0;
   const double share = time_s / press_s_ - press;

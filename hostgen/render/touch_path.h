@@ -3,6 +3,8 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "hostgen/fem/dataset.h"
@@ -14,12 +16,15 @@ namespace finsight::host {
 /// back (the first reaches it), with a pause of half a second between them.
 class TouchPlan {
  public:
-  /// `seconds` > 0.
-  TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed);
+  /// How the point moves. The paper's four paths (its figure 7) run around the middle of the face, two times, under 60
+  /// % of the spec's largest force.
+  enum class Path { kWander, kFast, kCircle, kSquare, kEight, kStar };
+  /// `seconds` > 0. kFast: three times as fast as kWander.
+  TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed, Path path = Path::kWander);
   /// On the undeformed front face.
   Vec3f point_mm(double time_s) const;
-  /// 0 before the start, between presses and after the end; up to the spec's largest in the lower half of the face, up to
-  /// half of it at the upper end, where the finger gives way most.
+  /// 0 before the start, between presses and after the end; up to the spec's largest in the lower half of the face, up
+  /// to half of it at the upper end, where the finger gives way most.
   double force_n(double time_s) const;
 
  private:
@@ -30,11 +35,18 @@ class TouchPlan {
   static double wander(const Waves& waves, double time_s);
   double bearable(double time_s) const;
 
+  Eigen::Vector2d on_path(double time_s) const;
+
   FingerSpec spec_;
+  Path path_;
+  double seconds_;
   double press_s_;  // from one press to the next
   std::vector<double> press_largest_n_;
   Waves across_, along_, strength_;
 };
+
+/// "wander", "fast", "circle", "square", "eight", "star".
+const std::vector<std::pair<std::string, TouchPlan::Path>>& touch_paths();
 
 /// Finite-element states of the finger under the planned touch, one per frame, `path` being the frame's number. Every
 /// fourth frame is solved, on all cores, and the others are interpolated smoothly. The same seed gives the same states

@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "firmware/model/model.h"
+#include "hostgen/finger/spec.h"
 
 namespace finsight::host {
 
@@ -20,7 +21,9 @@ nlohmann::json measure_hard_cases(const Model& model, bool quick);
 /// A client's time for one read of 40 registers over loopback, alone and beside a client that sends what is refused.
 nlohmann::json measure_modbus(bool quick);
 
-/// Whole-frame time (pixels to registers) over a rendered session.
-nlohmann::json measure_vision(const Model& model, const std::filesystem::path& session, bool quick);
+/// Rendered pictures of one touch path, by preset and picture size, through the firmware's stages: touch, force and
+/// coverage errors by plate motion, flips, false touches, whole-frame time; the joint estimate beside the paper's.
+/// `quick`: 4 seconds of the larger pictures instead of 24 of both.
+nlohmann::json measure_vision(const Model& model, const FingerSpec& spec, bool quick);
 
 }  // namespace finsight::host

@@ -188,7 +188,7 @@ TEST_CASE("renderer: noise has the stated size, mean zero, and no two pixels ali
   Renderer noisy(spec, camera, quality, 3);
   const Picture truth = rendered(spec, camera, clean(), {}, 3);
   Picture grey;
-  noisy.render({}, grey);
+  noisy.render(std::array<PlateMotion, kPlates>{}, grey);
   double sum = 0, sum_sq = 0, neighbours = 0, expected_sq = 0;
   const auto error = [&](std::size_t i) { return static_cast<double>(grey[i]) - truth[i]; };
   for (std::size_t i = 0; i + 1 < grey.size(); ++i) {
@@ -268,4 +268,53 @@ TEST_CASE("renderer: plates that cannot be seen leave the background as it is") 
     renderer.render(plates, grey);
     CHECK(grey.size() == empty.size());
   }
+}
+
+TEST_CASE("renderer: an exposure is the mean of its scenes") {
+  const FingerSpec spec = default_spec();
+  const CameraIntrinsics& camera = spec.cameras[1];
+  Renderer::Scene first, second;
+  second.plates[kTopPlate].displacement_mm = {3, 0, 1};
+  const Picture a = rendered(spec, camera, clean(), first.plates), b = rendered(spec, camera, clean(), second.plates);
+  Picture both;
+  const std::array<Renderer::Scene, 2> scenes = {first, second};
+  Renderer(spec, camera, clean(), 1).render(scenes, both);
+  int largest = 0, changed = 0;
+  for (std::size_t i = 0; i < both.size(); ++i) {
+    largest = std::max(largest, std::abs(2 * both[i] - a[i] - b[i]));
+    changed += a[i] != b[i];
+  }
+  CHECK(changed > 500);
+  CHECK(largest <= 3);  // each of the three was rounded
+}
+
+TEST_CASE("renderer: a covered plate is not drawn, and a light that is off leaves darkness") {
+  const FingerSpec spec = default_spec();
+  Renderer::Scene scene;
+  scene.covered = {true, true, true};
+  Picture grey;
+  Renderer(spec, spec.cameras[1], clean(), 1).render({&scene, 1}, grey);
+  CHECK(*std::max_element(grey.begin(), grey.end()) < 100);  // nothing but the finger's inside
+  scene = {};
+  scene.light = 0.03F;
+  Renderer(spec, spec.cameras[1], clean(), 1).render({&scene, 1}, grey);
+  CHECK(*std::max_element(grey.begin(), grey.end()) <= 7);
+}
+
+TEST_CASE("renderer: a plate out of focus has softer edges than one that is in focus") {
+  const FingerSpec spec = default_spec();
+  const auto steepest = [&](double focus_mm) {
+    PictureQuality quality = clean();
+    quality.defocus_px = 4;
+    quality.focus_mm = focus_mm;
+    Renderer::Scene scene;
+    scene.covered = {true, true, false};
+    Picture grey;
+    Renderer(spec, spec.cameras[1], quality, 1).render({&scene, 1}, grey);
+    int most = 0;
+    for (std::size_t i = 0; i + 1 < grey.size(); ++i) most = std::max(most, std::abs(int{grey[i + 1]} - int{grey[i]}));
+    return most;
+  };
+  const double low_mm = (spec.T_finger_camera.inverse() * spec.plates[kLowPlate].T_finger_marker.translation()).z();
+  CHECK(steepest(low_mm) > 2 * steepest(2 * low_mm));
 }

@@ -44,6 +44,33 @@ TEST_CASE("touch plan: the point stays on the touchable face, wanders over much 
   }
 }
 
+TEST_CASE("touch plan: the paper's four paths run around the middle of the face twice, under one force") {
+  const FingerSpec spec = default_spec();
+  const double middle_mm = (spec.touch_y_mm[0] + spec.touch_y_mm[1]) / 2, seconds = 8;
+  for (const auto& [name, path] : touch_paths()) {
+    if (path == TouchPlan::Path::kWander || path == TouchPlan::Path::kFast) continue;
+    CAPTURE(name);
+    const TouchPlan plan(spec, seconds, 1, path);
+    CHECK((plan.point_mm(0) - plan.point_mm(seconds / 2)).norm() < 1e-3F);
+    CHECK((plan.point_mm(1) - plan.point_mm(1 + seconds / 2)).norm() < 1e-3F);
+    CHECK(plan.force_n(0) == 0);
+    CHECK(plan.force_n(seconds / 3) == doctest::Approx(0.6 * spec.force_n[1]));
+    CHECK(plan.force_n(seconds) == 0);
+    double widest_mm = 0, highest_mm = 0, longest_step_mm = 0;
+    for (int k = 0; k < 800; ++k) {
+      const Vec3f point = plan.point_mm(k * seconds / 800), next = plan.point_mm((k + 1) * seconds / 800);
+      CHECK(std::abs(point.x()) <= spec.half_width.at(point.y()) - spec.touch_edge_mm);
+      CHECK(point.z() == doctest::Approx(spec.front_z.at(point.y())));
+      widest_mm = std::max<double>(widest_mm, std::abs(point.x()));
+      highest_mm = std::max<double>(highest_mm, std::abs(point.y() - middle_mm));
+      longest_step_mm = std::max<double>(longest_step_mm, (next - point).norm());
+    }
+    CHECK(widest_mm > 8);
+    CHECK(highest_mm > 8);
+    CHECK(longest_step_mm < 1);
+  }
+}
+
 TEST_CASE("touch plan: the force starts and ends at nothing, reaches the largest and never more, and lifts off") {
   const FingerSpec spec = default_spec();
   for (const double seconds : {0.5, 3.0, 10.0, 12.0, 60.0}) {
