@@ -203,6 +203,22 @@ double Cholesky<S>::factor_operations() const {
 
 template <class S>
 bool Cholesky<S>::factor() {
+  return factor_fronts(false);
+}
+
+template <class S>
+bool Cholesky<S>::factor_and_solve(std::span<S> b) {
+  assert(b.size() == solution_.size());
+  take(b);
+  if (!factor_fronts(true)) return false;
+  const FlushDenormals flush;
+  for (std::size_t s = fronts_.size(); s-- > 0;) solve_backward(fronts_[s]);
+  give(b);
+  return true;
+}
+
+template <class S>
+bool Cholesky<S>::factor_fronts(bool and_solve_forward) {
   const FlushDenormals flush;
   usable_ = false;
   for (const Front& front : fronts_) {
@@ -212,6 +228,7 @@ bool Cholesky<S>::factor() {
       add_child(child, child.segments_begin, child.segments_split, panel(front), front.stride, 0);
     }
     if (!factor_panel(front)) return false;
+    if (and_solve_forward) solve_forward(front);
     make_update(front);
     for (std::size_t c = front.children_begin; c < front.children_end; ++c) {
       const Front& child = fronts_[children_[c]];
@@ -292,40 +309,55 @@ void Cholesky<S>::make_update(const Front& front) {
   }
 }
 
-// Front by front: w = (its columns of x, then the rows below). Three columns at a time are solved by themselves, then
-// subtracted from all rows of w at once. Vectors start above the diagonal, where P holds zeros, and cover the three
-// columns' own rows, which are therefore put back.
 template <class S>
 void Cholesky<S>::solve(std::span<S> b) const {
   assert(usable_ && b.size() == solution_.size());
   const FlushDenormals flush;
-  S* x = solution_.data();
-  S* w = reinterpret_cast<S*>(front_vector_.data());
-  for (std::size_t k = 0; k < order_.size(); ++k)
-    for (int d = 0; d < 3; ++d) x[3 * k + d] = b[3 * order_[k] + d];
+  take(b);
+  for (const Front& front : fronts_) solve_forward(front);
+  for (std::size_t s = fronts_.size(); s-- > 0;) solve_backward(fronts_[s]);
+  give(b);
+}
 
-  for (const Front& front : fronts_) {  // L y = b
-    const S* P = panel(front);
-    std::fill_n(w, front.stride, S(0));
-    std::copy_n(x + front.first_column, front.columns, w);
-    for (int j = 0; j < front.columns; j += 3) dense::forward_step(P, front.stride, j, w);
-    std::copy_n(w, front.columns, x + front.first_column);
-    for (int r = 0; r < front.rows; r += 3) {
-      S* to = x + 3 * row_positions_[front.rows_begin + r / 3];
-      for (int d = 0; d < 3; ++d) to[d] += w[front.diagonal_rows + r + d];
-    }
+template <class S>
+void Cholesky<S>::take(std::span<const S> b) const {
+  for (std::size_t k = 0; k < order_.size(); ++k) std::copy_n(b.data() + 3 * order_[k], 3, solution_.data() + 3 * k);
+}
+
+template <class S>
+void Cholesky<S>::give(std::span<S> b) const {
+  for (std::size_t k = 0; k < order_.size(); ++k) std::copy_n(solution_.data() + 3 * k, 3, b.data() + 3 * order_[k]);
+}
+
+// Both ways, w = (the front's columns of x, then the rows below). Three columns at a time are solved by themselves,
+// then subtracted from all rows of w at once. Vectors start above the diagonal, where P holds zeros, and cover the
+// three columns' own rows, which are therefore put back.
+
+// L y = b.
+template <class S>
+void Cholesky<S>::solve_forward(const Front& front) const {
+  const S* P = panel(front);
+  S *x = solution_.data(), *w = reinterpret_cast<S*>(front_vector_.data());
+  std::fill_n(w, front.stride, S(0));
+  std::copy_n(x + front.first_column, front.columns, w);
+  for (int j = 0; j < front.columns; j += 3) dense::forward_step(P, front.stride, j, w);
+  std::copy_n(w, front.columns, x + front.first_column);
+  for (int r = 0; r < front.rows; r += 3) {
+    S* to = x + 3 * row_positions_[front.rows_begin + r / 3];
+    for (int d = 0; d < 3; ++d) to[d] += w[front.diagonal_rows + r + d];
   }
-  for (std::size_t s = fronts_.size(); s-- > 0;) {  // L^T x = y
-    const Front& front = fronts_[s];
-    std::fill_n(w, front.stride, S(0));
-    std::copy_n(x + front.first_column, front.columns, w);
-    for (int r = 0; r < front.rows; r += 3)
-      std::copy_n(x + 3 * row_positions_[front.rows_begin + r / 3], 3, w + front.diagonal_rows + r);
-    for (int j = front.columns - 3; j >= 0; j -= 3) dense::backward_step(panel(front), front.stride, j, w);
-    std::copy_n(w, front.columns, x + front.first_column);
-  }
-  for (std::size_t k = 0; k < order_.size(); ++k)
-    for (int d = 0; d < 3; ++d) b[3 * order_[k] + d] = x[3 * k + d];
+}
+
+// L^T x = y.
+template <class S>
+void Cholesky<S>::solve_backward(const Front& front) const {
+  S *x = solution_.data(), *w = reinterpret_cast<S*>(front_vector_.data());
+  std::fill_n(w, front.stride, S(0));
+  std::copy_n(x + front.first_column, front.columns, w);
+  for (int r = 0; r < front.rows; r += 3)
+    std::copy_n(x + 3 * row_positions_[front.rows_begin + r / 3], 3, w + front.diagonal_rows + r);
+  for (int j = front.columns - 3; j >= 0; j -= 3) dense::backward_step(panel(front), front.stride, j, w);
+  std::copy_n(w, front.columns, x + front.first_column);
 }
 
 template class Cholesky<float>;

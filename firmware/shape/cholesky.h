@@ -35,6 +35,9 @@ class Cholesky {
   int position(int free_node) const { return position_[free_node]; }
   /// False if a pivot is not positive or not finite; the factor is then unusable until the next success.
   [[nodiscard]] bool factor();
+  /// factor(), then solve(b), in less time: each front's part of L y = b is done while the front is in the cache. On
+  /// failure b stays as it is.
+  [[nodiscard]] bool factor_and_solve(std::span<S> b);
   /// Solves A x = b in place; b: [3 * blocks] in the order of free nodes (not of elimination).
   void solve(std::span<S> b) const;
 
@@ -73,6 +76,11 @@ class Cholesky {
   void add_child(const Front& child, std::size_t segments_begin, std::size_t segments_end, S* target, int stride,
                  int row_shift);
   bool factor_panel(const Front& front);
+  bool factor_fronts(bool and_solve_forward);
+  void take(std::span<const S> b) const;
+  void give(std::span<S> b) const;
+  void solve_forward(const Front& front) const;
+  void solve_backward(const Front& front) const;
   void make_update(const Front& front);
 
   std::vector<std::int32_t> order_, position_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "firmware/shape/cholesky.h"
@@ -16,14 +17,20 @@ struct FreeStep {
   S largest = 0;     ///< coordinate change of any free node
 };
 
-/// Solves H step = -gradient for the free nodes. free_offsets: 3 * node of each; solution: [3 * free nodes], for the
-/// solve's own use; gradient and step: [3 * nodes], of which the other nodes stay as they are.
+/// Solves H step = -gradient for the free nodes, with a new factor of the values or the one that is there; nothing if a
+/// pivot fails. free_offsets: 3 * node of each; solution: [3 * free nodes], for the solve's own use; gradient and step:
+/// [3 * nodes], of which the other nodes stay as they are.
 template <class S>
-FreeStep<S> solve_free_step(const Cholesky<S>& cholesky, std::span<const std::int32_t> free_offsets,
-                            std::span<const S> gradient, std::span<S> solution, std::span<S> step) {
+std::optional<FreeStep<S>> solve_free_step(Cholesky<S>& cholesky, bool new_factor,
+                                           std::span<const std::int32_t> free_offsets, std::span<const S> gradient,
+                                           std::span<S> solution, std::span<S> step) {
   for (std::size_t i = 0; i < free_offsets.size(); ++i)
     for (int d = 0; d < 3; ++d) solution[3 * i + d] = -gradient[free_offsets[i] + d];
-  cholesky.solve(solution);
+  if (!new_factor) {
+    cholesky.solve(solution);
+  } else if (!cholesky.factor_and_solve(solution)) {
+    return std::nullopt;
+  }
   FreeStep<S> result;
   for (std::size_t i = 0; i < free_offsets.size(); ++i)
     for (int d = 0; d < 3; ++d) {

@@ -167,18 +167,18 @@ bool NewtonSolver<S>::take_step(bool new_factor, bool search, Outcome& outcome) 
   ++outcome.steps;
   if (new_factor) {
     elements_.gradient_and_hessian(x_, step_, gradient_, cholesky_.values());
-    if (!cholesky_.factor()) return false;
   } else {
     rigid_plates_.for_each_node(aim_, [&](int node, const Eigen::Vector3d&) {
       for (int d = 0; d < 3; ++d) step_[3 * node + d] = 0;
     });
     elements_.gradient(x_, gradient_);
   }
-  const FreeStep<S> free = solve_free_step<S>(cholesky_, free_offsets_, gradient_, solution_, step_);
+  const auto free = solve_free_step<S>(cholesky_, new_factor, free_offsets_, gradient_, solution_, step_);
+  if (!free) return false;
   S length = elements_.longest_step(x_, step_);
   if (!(length > 0)) return false;  // something is not finite
-  if (search) length = search_line(length, free.slope);
-  outcome.last_step_mm = length * free.largest;
+  if (search) length = search_line(length, free->slope);
+  outcome.last_step_mm = length * free->largest;
   if (new_factor) plates_at_aim_ = length == 1 || !plates_move_;
   move(length);
   return true;

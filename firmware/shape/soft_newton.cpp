@@ -72,8 +72,8 @@ double SoftNewtonSolver<S>::newton_step() {
       gradient_[handle.offset + d] += stiffness * (x_[handle.offset + d] - target_[handle.offset + d]);
       cholesky_.values()[handle.block + 4 * d] += stiffness;
     }
-  if (!cholesky_.factor()) return std::numeric_limits<double>::quiet_NaN();
-  return solve_free_step<S>(cholesky_, free_offsets_, gradient_, solution_, step_).slope;
+  const auto free = solve_free_step<S>(cholesky_, true, free_offsets_, gradient_, solution_, step_);
+  return free ? free->slope : std::numeric_limits<double>::quiet_NaN();
 }
 
 // Shortens the step until the energy, which is infinite where a tetrahedron is inverted, falls by a part of what the

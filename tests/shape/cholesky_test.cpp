@@ -218,6 +218,30 @@ TEST_CASE("cholesky: the same values give the same factor again, whatever was fa
   CHECK(solve_for(first) == before);
 }
 
+TEST_CASE("cholesky: factor and solve in one go give what they give one after the other, to the bit") {
+  Random random(21);
+  const Neighbours neighbours = grid_graph(6, 5, 4);
+  const CholeskyPlanData plan = plan_cholesky(neighbours);
+  const SparseMatrix matrix = random_matrix(neighbours, 1e-2, random);
+  Cholesky<float> apart(plan.view()), together(plan.view());
+  fill(apart, plan.view(), matrix);
+  fill(together, plan.view(), matrix);
+  std::vector<float> x(3 * neighbours.size()), y;
+  for (float& value : x) value = static_cast<float>(random.normal());
+  y = x;
+  REQUIRE(apart.factor());
+  apart.solve(x);
+  REQUIRE(together.factor_and_solve(y));
+  CHECK(x == y);
+  together.solve(y);  // the factor stays for chord steps
+  apart.solve(x);
+  CHECK(x == y);
+  const std::vector<float> before = y;
+  together.values()[0] = -1;
+  CHECK_FALSE(together.factor_and_solve(y));
+  CHECK(y == before);
+}
+
 TEST_CASE("cholesky: refuses a negative pivot, a zero one, NaN and infinity, and recovers") {
   Random random(5);
   const Neighbours neighbours = grid_graph(6, 5, 4);
