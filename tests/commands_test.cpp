@@ -31,6 +31,7 @@ struct Device {
       : loop(model(), std::nullopt, {.shape = {}, .live = saved.settings}),
         control(kDefaultWriteKey, LiveSettings{}, saved.settings) {
     if (!file.empty()) saver.emplace(file);
+    write(kKeyRegister, {kDefaultWriteKey});
     commands.emplace(control, loop, saver ? &*saver : nullptr, nullptr, saved);
   }
   Exception write(int address, std::vector<std::uint16_t> words) { return control.write(address, words, access, 0); }
@@ -60,7 +61,7 @@ struct Device {
   Control control;
   std::optional<StateSaver> saver;
   std::optional<Commands> commands;
-  ClientAccess access{.may_write = true, .unlocked_until_ns = 1};
+  ClientAccess access{.may_write = true};
   std::int64_t now_ns = 1'000'000'000;
   std::uint32_t sequence = 0;
 };

@@ -31,7 +31,7 @@ std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_
     case kResultRegister:
       return static_cast<std::uint16_t>(result);
     case kKeyRegister: {
-      const std::int64_t left_ns = std::max<std::int64_t>(access.unlocked_until_ns - now_ns, 0);
+      const std::int64_t left_ns = std::max<std::int64_t>(unlocked_until_ns(access.address) - now_ns, 0);
       return static_cast<std::uint16_t>((left_ns + kSecond_ns - 1) / kSecond_ns);
     }
     case kRecordingRegister:
@@ -43,19 +43,26 @@ std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_
   }
 }
 
-Exception Control::write_key(std::uint16_t key, ClientAccess& access, std::int64_t now_ns) const {
-  access.unlocked_until_ns = key == key_ ? now_ns + kUnlocked_ns : -1;
+std::int64_t Control::unlocked_until_ns(std::uint32_t client) const {
+  const auto found = std::ranges::find(unlocked_, client, &Unlocked::client);
+  return found == unlocked_.end() ? 0 : found->until_ns;
+}
+
+Exception Control::write_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns) {
+  auto place = std::ranges::find(unlocked_, client, &Unlocked::client);
+  if (place == unlocked_.end()) place = std::ranges::min_element(unlocked_, {}, &Unlocked::until_ns);
+  *place = {client, key == key_ ? now_ns + kUnlocked_ns : 0};
   return key == key_ ? Exception::kNone : Exception::kIllegalValue;
 }
 
 // The new state is made as a copy, judged as a whole, and only then takes effect.
-Exception Control::write(int first, std::span<const std::uint16_t> words, ClientAccess& access, std::int64_t now_ns) {
+Exception Control::write(int first, std::span<const std::uint16_t> words, const ClientAccess& access,
+                         std::int64_t now_ns) {
   if (!is_writable(first, words.size())) return Exception::kIllegalAddress;
   if (!access.may_write) return Exception::kIllegalFunction;
-  if (first == kKeyRegister) return write_key(words[0], access, now_ns);
-  if (now_ns >= access.unlocked_until_ns) return Exception::kIllegalFunction;
-
   const std::lock_guard lock(mutex_);
+  if (first == kKeyRegister) return write_key(words[0], access.address, now_ns);
+  if (now_ns >= unlocked_until_ns(access.address)) return Exception::kIllegalFunction;
   LiveSettings settings = settings_;
   std::uint16_t command = command_, sequence = sequence_;
   for (std::size_t i = 0; i < words.size(); ++i) {

@@ -1,6 +1,7 @@
 // Commands and settings on their way from clients to the frame loop, and results back.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <mutex>
@@ -27,10 +28,10 @@ enum class Exception : std::uint8_t {
   kBusy = 6
 };
 
-/// What one client may: a TCP connection, or the serial line.
+/// Who a request comes from.
 struct ClientAccess {
-  bool may_write = false;               ///< by its address
-  std::int64_t unlocked_until_ns = -1;  ///< steady clock; by the key
+  bool may_write = false;     ///< by its address
+  std::uint32_t address = 0;  ///< IPv4, host byte order; 0: the serial line. What the key unlocks is unlocked for it.
 };
 
 inline constexpr std::uint16_t kDefaultWriteKey = 18003;  // "FS"
@@ -48,7 +49,7 @@ class Control {
   /// For clients' threads. `first` is an address; all `words` lie inside the block.
   void read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
   /// All or nothing. Judged in this order: address, lock, busy, values.
-  Exception write(int first, std::span<const std::uint16_t> words, ClientAccess& access, std::int64_t now_ns);
+  Exception write(int first, std::span<const std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
 
   /// For the frame loop's thread, wait-free.
   const LiveSettings& settings() { return to_loop_.read(); }
@@ -58,13 +59,19 @@ class Control {
   const LiveSettings& factory() const { return factory_; }
 
  private:
-  Exception write_key(std::uint16_t key, ClientAccess& access, std::int64_t now_ns) const;
+  Exception write_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns);
+  std::int64_t unlocked_until_ns(std::uint32_t client) const;
   std::uint16_t word(int address, const ClientAccess& access, std::int64_t now_ns) const;
 
   static constexpr std::uint32_t kNoOrder = 0xFFFF'FFFF;
   const std::uint16_t key_;
   const LiveSettings factory_;
   std::mutex mutex_;  ///< among clients' threads
+  struct Unlocked {
+    std::uint32_t client = 0;
+    std::int64_t until_ns = 0;
+  };
+  std::array<Unlocked, 16> unlocked_;  ///< the last ones; who writes the key when it is full takes the oldest's place
   LiveSettings settings_;
   std::uint16_t command_ = 0, sequence_ = 0;
   Latest<LiveSettings> to_loop_;

@@ -66,7 +66,7 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
 
 /// Words as they follow each other in the request, from byte `at` on.
 Exception write_words(Request request, std::size_t at, int address, int quantity, const DeviceView& device,
-                      ClientAccess& access) {
+                      const ClientAccess& access) {
   if (!is_in_control(address, quantity)) return Exception::kIllegalAddress;
   std::array<std::uint16_t, kMostRegistersPerWrite> words;
   for (int i = 0; i < quantity; ++i) {
@@ -91,12 +91,12 @@ std::size_t read(Request request, const DeviceView& device, const ClientAccess& 
   return reply_words(request, address, quantity, device, access, reply);
 }
 
-std::size_t write_one(Request request, const DeviceView& device, ClientAccess& access, Reply reply) {
+std::size_t write_one(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   if (request.size() != 5) return exception(request, Exception::kIllegalValue, reply);
   return reply_written(request, write_words(request, 3, word_at(request, 1), 1, device, access), reply);
 }
 
-std::size_t write_many(Request request, const DeviceView& device, ClientAccess& access, Reply reply) {
+std::size_t write_many(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   constexpr std::size_t kHeader = 6;
   const int quantity = request.size() < kHeader ? 0 : word_at(request, 3);
   if (quantity < 1 || quantity > kMostRegistersPerWrite || request[5] != 2 * quantity ||
@@ -108,7 +108,7 @@ std::size_t write_many(Request request, const DeviceView& device, ClientAccess& 
 }
 
 /// Section 6.17: the write comes first. What would be read is judged before it, so that nothing is half done.
-std::size_t read_and_write(Request request, const DeviceView& device, ClientAccess& access, Reply reply) {
+std::size_t read_and_write(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   constexpr std::size_t kHeader = 10;
   const int quantity = request.size() < kHeader ? 0 : word_at(request, 7);
   if (quantity < 1 || quantity > kMostRegistersPerReadWrite || request[9] != 2 * quantity ||
@@ -186,7 +186,7 @@ std::size_t identify(Request request, Reply reply) {
 
 }  // namespace
 
-std::size_t answer_request(Request request, const DeviceView& device, ClientAccess& access, Reply reply) {
+std::size_t answer_request(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   switch (request[0]) {
     case kReadHoldingRegisters:
     case kReadInputRegisters:

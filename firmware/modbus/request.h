@@ -29,7 +29,7 @@ inline DeviceView view_now(Latest<RegisterImage>& latest, Control& control) {
 /// Carries out functions 3, 4, 6, 16 and 23 and identification (43/14); anything else, and what is wrong in those, gets
 /// the exception that the Modbus Application Protocol V1.1b3 names. Returns the length of the reply, from 2 on.
 /// `request` has 1...253 bytes of any content.
-std::size_t answer_request(std::span<const std::uint8_t> request, const DeviceView& device, ClientAccess& access,
+std::size_t answer_request(std::span<const std::uint8_t> request, const DeviceView& device, const ClientAccess& access,
                            std::span<std::uint8_t, kLargestPdu> reply);
 
 }  // namespace finsight

@@ -181,7 +181,7 @@ struct ModbusServer::Impl {
       if (free == clients.end()) continue;  // one too many: closed at once
       free->socket = std::move(socket);
       free->used = 0;
-      free->access = {.may_write = is_listed(settings.allow_writes, address)};
+      free->access = {.may_write = is_listed(settings.allow_writes, address), .address = address};
       free->deadline_ns = now_ns() + idle_limit_ns;
     }
   }

@@ -13,7 +13,7 @@ namespace {
 constexpr std::int64_t kSecond = 1'000'000'000;
 
 struct Client {
-  explicit Client(Control& shared) : control(shared) {}
+  explicit Client(Control& shared, std::uint32_t address = 1) : control(shared), access{true, address} {}
   Exception write(int first, const std::vector<std::uint16_t>& words, std::int64_t now_ns = 0) {
     return control.write(first, words, access, now_ns);
   }
@@ -23,7 +23,7 @@ struct Client {
     return word;
   }
   Control& control;
-  ClientAccess access{.may_write = true};
+  ClientAccess access;
 };
 
 }  // namespace
@@ -40,6 +40,14 @@ TEST_CASE("control: the key unlocks for 30 seconds, counted from its last writin
   CHECK(client.write(1016, {102}, 59 * kSecond) == Exception::kIllegalFunction);
   CHECK(client.read(1004, 60 * kSecond) == 0);
   CHECK(client.read(1016) == 101);
+}
+
+TEST_CASE("control: as many clients as write the key are unlocked, the oldest of too many is not") {
+  Control control;
+  for (std::uint32_t n = 1; n <= 17; ++n)
+    CHECK(Client(control, n).write(1004, {kDefaultWriteKey}, n) == Exception::kNone);
+  CHECK(Client(control, 1).write(1016, {100}, 18) == Exception::kIllegalFunction);
+  for (std::uint32_t n = 2; n <= 17; ++n) CHECK(Client(control, n).write(1016, {100}, 18) == Exception::kNone);
 }
 
 TEST_CASE("control: several settings are judged together, and none is taken of a wrong set") {
@@ -75,7 +83,7 @@ TEST_CASE("control: a command's code alone starts nothing; its number does, once
 
 TEST_CASE("control: of two clients one is busy") {
   Control control;
-  Client first(control), second(control);
+  Client first(control, 1), second(control, 2);
   first.write(1004, {kDefaultWriteKey});
   second.write(1004, {kDefaultWriteKey});
   CHECK(first.write(1000, {1, 5}) == Exception::kNone);

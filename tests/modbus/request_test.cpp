@@ -20,7 +20,8 @@ Bytes answer(const Bytes& request) {
   DeviceView device{{}, control, 0};
   for (std::size_t i = 0; i < device.image.words.size(); ++i)
     device.image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
-  ClientAccess access{.may_write = true, .unlocked_until_ns = 1};
+  const ClientAccess access{.may_write = true};
+  control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
   std::array<std::uint8_t, kLargestPdu> reply{};
   const std::size_t length = answer_request(request, device, access, reply);
   return {reply.begin(), reply.begin() + static_cast<std::ptrdiff_t>(length)};
@@ -145,9 +146,10 @@ TEST_CASE("request: a million random requests get a whole reply of their functio
   std::array<std::uint8_t, kLargestPdu> request, reply;
   Control control;
   const DeviceView device{{}, control, 0};
+  const ClientAccess access{.may_write = true};
   int odd = 0, reads = 0, writes = 0, identifications = 0;
   for (int i = 0; i < 1'000'000; ++i) {
-    ClientAccess access{.may_write = true, .unlocked_until_ns = 1};
+    control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
     const std::uint64_t bits = random();
     // Half of them near to what is right, so that the checks behind the first ones are reached too.
     const bool tame = bits & 1;

@@ -496,15 +496,17 @@ TEST_CASE("server: clients that are not on the list are closed, and those that m
   CHECK(reader.ask(hex("0001 0000 0006 01 06 03EC 4653"), 9) == hex("0001 0000 0003 01 86 01"));
 }
 
-TEST_CASE("server: the key of one connection does not unlock another one") {
-  Served served;
-  Connection first(served.port()), second(served.port());
+TEST_CASE("server: the key counts for all connections of its client, and for no other client") {
+  ModbusSettings settings;
+  settings.address = "0.0.0.0";
+  Served served(settings);
+  Connection first(served.port()), second(served.port()), stranger(served.port(), 0, "127.0.0.2");
   const Bytes key = hex("0001 0000 0006 01 06 03EC 4653"), write = hex("0001 0000 0006 01 06 03F8 0064");
   CHECK(first.ask(key, key.size()) == key);
-  CHECK(second.ask(write, 9) == hex("0001 0000 0003 01 86 01"));
-  CHECK(first.ask(write, write.size()) == write);
+  CHECK(second.ask(write, write.size()) == write);
+  CHECK(stranger.ask(write, 9) == hex("0001 0000 0003 01 86 01"));
   CHECK(first.ask(hex("0001 0000 0006 01 03 03EC 0001"), 11) == hex("0001 0000 0005 01 03 02 001E"));
-  CHECK(second.ask(hex("0001 0000 0006 01 03 03EC 0001"), 11) == hex("0001 0000 0005 01 03 02 0000"));
+  CHECK(stranger.ask(hex("0001 0000 0006 01 03 03EC 0001"), 11) == hex("0001 0000 0005 01 03 02 0000"));
 }
 
 TEST_CASE("server: libmodbus as a client reads the block and understands the refusals") {
