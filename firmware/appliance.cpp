@@ -1,7 +1,6 @@
 #include "firmware/appliance.h"
 
 #include <arpa/inet.h>
-#include <sched.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -38,6 +37,17 @@ void make_realtime(const RealtimeSettings& settings) {
     require(sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters),
             "realtime.priority = " + std::to_string(settings.priority));
   }
+}
+
+OrdinaryThread::OrdinaryThread() {
+  CPU_ZERO(&cpus_);
+  sched_getaffinity(0, sizeof cpus_, &cpus_);
+}
+
+void OrdinaryThread::restore() const {
+  sched_setaffinity(0, sizeof cpus_, &cpus_);
+  const sched_param parameters{};
+  sched_setscheduler(0, SCHED_OTHER | SCHED_RESET_ON_FORK, &parameters);
 }
 
 bool is_ipv4(const std::string& text, bool with_prefix) {

@@ -2,6 +2,8 @@
 // restarts it, and the network settings that stand in the same file as its own.
 #pragma once
 
+#include <sched.h>
+
 #include <cstdint>
 #include <string>
 
@@ -16,6 +18,16 @@ struct RealtimeSettings {
 /// Applies to the calling thread (the lock to the whole process). Throws std::runtime_error for what the system
 /// refuses.
 void make_realtime(const RealtimeSettings& settings);
+
+/// The calling thread as it was before make_realtime(), for a start anew: threads inherit their processor.
+class OrdinaryThread {
+ public:
+  OrdinaryThread();
+  void restore() const;
+
+ private:
+  cpu_set_t cpus_;
+};
 
 struct NetworkSettings {
   std::string address;  ///< with prefix length; empty: from a DHCP server

@@ -7,17 +7,19 @@
 namespace finsight {
 
 FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings)
-    : model_(model), settings_(settings), shape_(model, settings.shape), touch_(model) {
+    : model_(model), shape_(model, settings.shape), touch_(model) {
   if (camera) vision_.emplace(model, *camera);
   state_.model_checksum = model.checksum;
   state_.rated_deformation_mm = model.rated_deformation_mm;
-  state_.word_order = settings.word_order;
+  state_.settings = settings.live;
 }
 
 const RegisterImage& FrameLoop::step(const Frame& frame) {
   const std::int64_t start_ns = steady_now_ns();
   count_frame(frame);
-  const PlatePoses& poses = hold_poses(measure_poses(frame), frame.exposure_ns);
+  measured_ = measure_poses(frame);
+  zeroing_.process(measured_);
+  const PlatePoses& poses = hold_poses(measured_, frame.exposure_ns);
   const std::int64_t poses_ns = steady_now_ns();
   const FingerShape& shape = shape_.solve(poses);
   const std::int64_t shape_ns = steady_now_ns();
@@ -41,20 +43,27 @@ const RegisterImage& FrameLoop::step_without_frame(std::int64_t now_ns) {
   return publish(poses, shape_.solve(poses), touch_.locate(poses));
 }
 
-const PlatePoses& FrameLoop::measure_poses(const Frame& frame) {
+PlatePoses FrameLoop::measure_poses(const Frame& frame) {
   if (vision_ && !frame.poses) return vision_->poses.estimate(vision_->markers.find(frame));
-  recorded_ = frame.poses ? *frame.poses : PlatePoses{};
-  complete_from_prior(model_.prior, recorded_);
-  return recorded_;
+  PlatePoses poses = frame.poses ? *frame.poses : PlatePoses{};
+  complete_from_prior(model_.prior, poses);
+  return poses;
 }
 
-// Short gaps (a hand before the light, a lost frame) repeat the last poses, marked as held; longer ones are invalid.
+// Short gaps (a hand before the light, a lost frame) repeat the last poses, marked as held. Longer ones are a fault,
+// and invalid, or still held where the settings want that.
 const PlatePoses& FrameLoop::hold_poses(const PlatePoses& measured, std::int64_t now_ns) {
   if (measured.quality == Quality::kFresh) {
     held_ = measured;
     held_since_ns_ = now_ns;
-  } else if (held_.quality != Quality::kInvalid) {
-    held_.quality = now_ns - held_since_ns_ <= settings_.hold_time_ns ? Quality::kHeld : Quality::kInvalid;
+    hold_is_over_ = false;
+    return held_;
+  }
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  const LiveSettings& settings = state_.settings;
+  if (now_ns - held_since_ns_ > kNsPerMs * settings[kHoldTime]) hold_is_over_ = true;
+  if (held_.quality != Quality::kInvalid) {
+    held_.quality = hold_is_over_ && settings[kAfterHold] == 0 ? Quality::kInvalid : Quality::kHeld;
     held_.seen = measured.seen;
   }
   return held_;
@@ -73,10 +82,10 @@ void FrameLoop::count_frame(const Frame& frame) {
 
 const RegisterImage& FrameLoop::publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch) {
   if (!state_.camera_fault) {
-    state_.fault = poses.quality == Quality::kInvalid ? FaultCode::kMarkersLost
-                   : shape.fallback                   ? FaultCode::kSolverFailed
-                                                      : FaultCode::kNone;
+    state_.fault = hold_is_over_ ? FaultCode::kMarkersLost : shape.fallback ? FaultCode::kSolverFailed : lasting_fault_;
   }
+  state_.zeroed = zeroing_.zero().has_value();
+  state_.limits = next_limits(state_.limits, shape, touch, state_.rated_deformation_mm, state_.settings);
   ++state_.heartbeat;
   state_.published_ns = steady_now_ns();
   encode_registers(poses, shape, touch, state_, registers_);

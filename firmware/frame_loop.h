@@ -11,13 +11,13 @@
 #include "firmware/stage_times.h"
 #include "firmware/touch/touch_stage.h"
 #include "firmware/vision/vision_stages.h"
+#include "firmware/zero.h"
 
 namespace finsight {
 
 struct LoopSettings {
   ShapeSettings shape;
-  WordOrder word_order = WordOrder::kABCD;
-  std::int64_t hold_time_ns = 200'000'000;  ///< how long the last plate poses stand in for missing ones
+  LiveSettings live;  ///< the first; see use()
 };
 
 /// Frame in, registers out. The model must outlive the loop. After construction nothing allocates (but OpenCV's marker
@@ -34,11 +34,18 @@ class FrameLoop {
   /// No frame came until `now_ns` (steady clock): republishes what is held, or invalid values after the hold time.
   const RegisterImage& step_without_frame(std::int64_t now_ns);
 
+  /// From the next frame on.
+  void use(const LiveSettings& settings) { state_.settings = settings; }
+  Zeroing& zeroing() { return zeroing_; }
+  void show_unsaved(bool unsaved) { state_.settings_unsaved = unsaved; }
+  /// Stays, where the frame itself has no other fault, until it is set to kNone.
+  void set_lasting_fault(FaultCode fault) { lasting_fault_ = fault; }
+
   const StageTimes& times() const { return times_; }
   const LoopState& state() const { return state_; }
 
  private:
-  const PlatePoses& measure_poses(const Frame& frame);
+  PlatePoses measure_poses(const Frame& frame);
   const PlatePoses& hold_poses(const PlatePoses& measured, std::int64_t now_ns);
   void count_frame(const Frame& frame);
   const RegisterImage& publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch);
@@ -49,13 +56,15 @@ class FrameLoop {
     PoseStage poses;
   };
   const Model& model_;
-  LoopSettings settings_;
   std::optional<Vision> vision_;
   ShapeStage shape_;
   TouchStage touch_;
-  PlatePoses recorded_;  ///< poses of a replayed pose file, completed
+  Zeroing zeroing_;
+  PlatePoses measured_;  ///< of this frame, completed and zeroed
   PlatePoses held_;      ///< the last ones that were fresh
   std::int64_t held_since_ns_ = 0;
+  bool hold_is_over_ = true;
+  FaultCode lasting_fault_ = FaultCode::kNone;
   std::uint32_t last_sequence_ = 0;
   LoopState state_;
   StageTimes times_;

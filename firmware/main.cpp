@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "firmware/appliance.h"
+#include "firmware/commands.h"
 #include "firmware/frame_loop.h"
 #include "firmware/input_error.h"
 #include "firmware/outputs.h"
@@ -99,12 +100,43 @@ std::unique_ptr<Camera> open_camera(const Settings& settings) {
   return open_live_camera(settings.live, print_news);
 }
 
+/// What a recording holds beside its pictures; nothing where there are none.
+std::optional<SessionInfo> recording_info(const Settings& settings, const Model& model) {
+  if (settings.source == Settings::Source::kPoses) return std::nullopt;
+  if (settings.source == Settings::Source::kSession) return read_session_info(settings.replay.path);
+  const CameraModel& lens = settings.lens;
+  SessionInfo info;
+  info.width_px = settings.live.width_px;
+  info.height_px = settings.live.height_px;
+  info.frames_per_second = settings.live.frames_per_second;
+  info.fx_fy_cx_cy = {lens.fx, lens.fy, lens.cx, lens.cy};
+  info.k1_k2_p1_p2_k3 = {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3};
+  info.marker_dictionary = "DICT_4X4_50";
+  info.marker_id = model.mount.marker_id;
+  info.marker_size_mm = static_cast<double>(model.mount.marker_size_mm);
+  return info;
+}
+
+/// What clients saved. If that cannot be used, the factory settings, and a fault until a client says that it knows.
+SavedState load_saved(const Settings& settings, FrameLoop& loop) {
+  const SavedState factory{settings.loop.live, std::nullopt};
+  if (settings.saved_state.empty()) return factory;
+  try {
+    return load_state(settings.saved_state).value_or(factory);
+  } catch (const InputError& error) {
+    print_news(std::string(error.what()) + "; the factory settings are used");
+    loop.set_lasting_fault(FaultCode::kSavedSettings);
+    return factory;
+  }
+}
+
 /// The digital outputs, if the board has any: safe until the first frame, on faults, at exit, and when we crash.
 class Outputs {
  public:
   explicit Outputs(const std::optional<GpioSettings>& settings) {
     if (!settings) return;
     safe_ = safe_levels(*settings);
+    filter_.emplace(safe_);
     gpio_ = open_gpio(*settings);
     in_use_ = this;
     for (const int fault : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL}) std::signal(fault, on_crash);
@@ -113,7 +145,10 @@ class Outputs {
   Outputs(const Outputs&) = delete;
   Outputs& operator=(const Outputs&) = delete;
 
-  bool set(const RegisterImage& image) { return !gpio_ || gpio_->set(output_levels(image.words[0], safe_)); }
+  bool set(const RegisterImage& image, const LiveSettings& settings) {
+    return !gpio_ || gpio_->set(filter_->next(image.words[0], settings, steady_now_ns()));
+  }
+  bool trigger_rises() { return gpio_ && trigger_.rises(gpio_->trigger()); }
 
  private:
   static void on_crash(int signal) {
@@ -123,6 +158,8 @@ class Outputs {
   }
   static inline Outputs* in_use_ = nullptr;
   OutputLevels safe_{};
+  std::optional<OutputFilter> filter_;
+  TriggerInput trigger_;
   std::unique_ptr<Gpio> gpio_;
 };
 
@@ -157,50 +194,63 @@ int frame_timeout_ms(const Settings& settings) {
   return std::max(100, is_live ? static_cast<int>(3000 / settings.live.frames_per_second) : 0);
 }
 
-/// Frames in, registers and outputs out, until the recording ends or a signal comes. False: the outputs failed.
-bool run(Camera& camera, int timeout_ms, FrameLoop& loop, ModbusServer& server, Outputs& outputs, RegisterLog& log) {
+/// What works together while frames come.
+struct Device {
+  Camera& camera;
+  FrameLoop& loop;
+  Commands& commands;
+  ModbusServer& server;
+  Outputs& outputs;
+  RegisterLog& log;
+  Recorder* recorder;  ///< may be null
+};
+
+/// Frames in, registers and outputs out, until the recording ends, a signal comes, or a client orders a reset. False:
+/// the outputs failed.
+bool run(Device device, int timeout_ms) {
   Supervisor supervisor;
   supervisor.ready();
   std::uint32_t openings = 0;
-  while (!stop_requested) {
+  while (!stop_requested && !device.commands.reset_is_ordered()) {
     Frame frame;
-    if (camera.next(frame, timeout_ms)) {
-      const RegisterImage& image = loop.step(frame);
-      server.publish(image);
-      supervisor.alive(steady_now_ns(), true);
-      if (!outputs.set(image)) return false;
-      log.add(image);
-    } else if (camera.ended()) {
-      break;
-    } else {
-      const std::int64_t now_ns = steady_now_ns();
-      const RegisterImage& image = loop.step_without_frame(now_ns);
-      server.publish(image);
-      // A camera that is missing is looked for; a restart would not bring it, only cut the clients off.
-      const std::uint32_t before = std::exchange(openings, camera.counts().openings);
-      if (openings != before) supervisor.alive(now_ns, false);
-      if (!outputs.set(image)) return false;
-    }
+    const bool has_frame = device.camera.next(frame, timeout_ms);
+    if (!has_frame && device.camera.ended()) break;
+    device.commands.turn();
+    if (device.outputs.trigger_rises()) device.commands.trigger();
+    const std::int64_t now_ns = steady_now_ns();
+    const RegisterImage& image = has_frame ? device.loop.step(frame) : device.loop.step_without_frame(now_ns);
+    device.server.publish(image);
+    // A camera that is missing is looked for; a restart would not bring it, only cut the clients off.
+    const std::uint32_t before = std::exchange(openings, device.camera.counts().openings);
+    if (has_frame || openings != before) supervisor.alive(now_ns, has_frame);
+    if (!device.outputs.set(image, device.loop.state().settings)) return false;
+    if (!has_frame) continue;
+    device.log.add(image);
+    if (device.recorder) device.recorder->add(frame, image);
   }
   return true;
 }
 
 /// As the settings want it; where that is not possible, where a client looks first.
-std::unique_ptr<ModbusServer> open_server_anyhow(const ModbusSettings& settings) {
+std::unique_ptr<ModbusServer> open_server_anyhow(const ModbusSettings& settings, Control& control) {
   try {
-    return std::make_unique<ModbusServer>(settings, print_news);
+    return std::make_unique<ModbusServer>(settings, control, print_news);
   } catch (const std::system_error& error) {
     print_news(error.what());
-    return std::make_unique<ModbusServer>(ModbusSettings{.address = "0.0.0.0", .port = 502});
+    return std::make_unique<ModbusServer>(ModbusSettings{.address = "0.0.0.0", .port = 502}, control);
   }
 }
 
+/// What start() returns when it is to be called again.
+constexpr int kStartAgain = -1;
+
 /// The firmware cannot work: clients see why. Needs no model and no camera, and settings only as far as they are good.
+/// Of the commands only reset is carried out; it ends safe mode by ending the program.
 int serve_fault(const Arguments& arguments) {
   LoopState state;
   state.fault = arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
   const Settings settings = read_good_parts(arguments.settings, arguments.user);
-  state.word_order = settings.loop.word_order;
+  state.settings = settings.loop.live;
   std::optional<Outputs> outputs;  // stay safe from their opening on
   try {
     outputs.emplace(settings.gpio);
@@ -208,7 +258,8 @@ int serve_fault(const Arguments& arguments) {
   } catch (const std::exception& error) {
     print_news(error.what());
   }
-  const auto server = open_server_anyhow(settings.modbus);
+  Control control(settings.write_key, settings.loop.live);
+  const auto server = open_server_anyhow(settings.modbus, control);
   print_news("SAFE MODE, fault " + std::to_string(static_cast<int>(state.fault)) + "; Modbus TCP on port " +
              std::to_string(server->port()));
   Supervisor().ready();
@@ -217,6 +268,10 @@ int serve_fault(const Arguments& arguments) {
     ++state.heartbeat;
     encode_registers(PlatePoses{}, FingerShape{}, Touch{}, state, image);
     server->publish(image);
+    if (const auto command = control.take_command()) {
+      control.finish(*command == Command::kReset ? CommandResult::kDone : CommandResult::kNotPossible);
+      if (*command == Command::kReset) return 1;
+    }
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   return 0;
@@ -245,18 +300,30 @@ int start(const Arguments& arguments) {
                model.shape.tets);
   FrameLoop loop(model, lens_of(settings, model), settings.loop);
   const auto camera = open_camera(settings);
+  const SavedState saved = load_saved(settings, loop);
   if (arguments.check) return 0;
+  std::optional<StateSaver> saver;
+  if (!settings.saved_state.empty()) saver.emplace(settings.saved_state);
+  std::optional<Recorder> recorder;
+  const auto pictures = recording_info(settings, model);
+  if (!settings.recordings.empty() && pictures) recorder.emplace(settings.recordings, *pictures);
   Outputs outputs(settings.gpio);
-  ModbusServer server(settings.modbus, print_news);
+  Control control(settings.write_key, settings.loop.live, saved.settings);
+  Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved);
+  ModbusServer server(settings.modbus, control, print_news);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
-  if (!run(*camera, frame_timeout_ms(settings), loop, server, outputs, log))
-    throw std::runtime_error("gpio: the outputs cannot be set any more");
+  const Device device{*camera, loop, commands, server, outputs, log, recorder ? &*recorder : nullptr};
+  if (!run(device, frame_timeout_ms(settings))) throw std::runtime_error("gpio: the outputs cannot be set any more");
   log.write();
   const CameraCounts counts = camera->counts();
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
+  if (commands.reset_is_ordered()) {
+    print_news("a client ordered a reset");
+    return kStartAgain;
+  }
   if (!camera->ended() || camera->error().empty()) return 0;
   print_news(camera->error());
   return 2;
@@ -276,7 +343,12 @@ int main(int argc, char** argv) {
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
   try {
-    return start(*arguments);
+    const OrdinaryThread before;
+    for (;;) {
+      const int code = start(*arguments);
+      if (code != kStartAgain) return code;
+      before.restore();
+    }
   } catch (const InputError& error) {
     print_news(error.what());
     return 2;

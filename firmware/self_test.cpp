@@ -22,9 +22,9 @@ void check_near(const Model& model, std::size_t number, const char* what, std::s
 // Float mirrors are compared as the integers beside them; half a float is no number of counts.
 bool is_float_mirror(std::size_t address) { return address >= 20 && address < 32; }
 
-// Status bits, fault and shape source: one count more means something else. All other registers are numbers.
+// Status bits, fault, shape source and limits: one count more means something else. All other registers are numbers.
 int tolerance_of(std::size_t address) {
-  return address == 0 || address == 1 || address == 43 ? 0 : kSelfTestRegisterTolerance;
+  return address == 0 || address == 1 || address == 43 || address == 44 ? 0 : kSelfTestRegisterTolerance;
 }
 
 // As numbers on a ring, like the counts of both signed and unsigned registers.
@@ -52,6 +52,7 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
   answer.touch[6] = touch.force_n;
   LoopState state;
   state.rated_deformation_mm = model.rated_deformation_mm;
+  state.limits = next_limits(state.limits, shape, touch, state.rated_deformation_mm, state.settings);
   encode_registers(poses, shape, touch, state, answer.registers);
   return answer;
 }

@@ -49,9 +49,8 @@ void read_source(TomlTable table, Settings& settings) {
   table.finish();
 }
 
-/// `safe` belongs to whoever wires the machine, so there is no default; healthy is safe when it says "not healthy".
-OutputLine read_line(TomlTable table, bool has_safe_level) {
-  OutputLine line;
+GpioLine read_line(TomlTable& table) {
+  GpioLine line;
   if (table.has("name") == table.has("number")) {
     throw InputError(table.where(), "a line has either a name or a number");
   }
@@ -62,6 +61,14 @@ OutputLine read_line(TomlTable table, bool has_safe_level) {
     line.number = static_cast<unsigned>(table.integer("number", 0, 1023));
   }
   line.active_low = table.flag("active_low", false);
+  return line;
+}
+
+/// `safe` belongs to whoever wires the machine, so there is no default; healthy is safe when it says "not healthy", and
+/// the light when it is off.
+OutputLine read_output(TomlTable table, int output) {
+  OutputLine line{read_line(table)};
+  const bool has_safe_level = output == kContactOutput || output == kOverloadOutput;
   if (has_safe_level) line.safe_active = table.choice("safe", {"active", "inactive"}) == "active";
   table.finish();
   return line;
@@ -74,10 +81,16 @@ GpioSettings read_gpio(TomlTable table) {
   bool any = false;
   for (int output = 0; output < kOutputs; ++output) {
     if (!table.has(kOutputName[output])) continue;
-    gpio.lines[output] = read_line(table.table(kOutputName[output]), output != kHealthyOutput);
+    gpio.lines[output] = read_output(table.table(kOutputName[output]), output);
     any = true;
   }
-  if (!any) throw InputError(table.where(), "gpio", "no line", "contact, overload or healthy");
+  if (table.has("trigger")) {
+    TomlTable trigger = table.table("trigger");
+    gpio.trigger = read_line(trigger);
+    trigger.finish();
+    any = true;
+  }
+  if (!any) throw InputError(table.where(), "gpio", "no line", "contact, overload, healthy, light or trigger");
   table.finish();
   return gpio;
 }
@@ -117,6 +130,20 @@ SerialSettings read_serial(TomlTable table) {
   return serial;
 }
 
+std::vector<Network> read_networks(TomlTable& table, const char* key) {
+  std::vector<Network> networks;
+  if (!table.has(key)) return networks;
+  for (const std::string& text : table.texts(key)) {
+    const auto network = Network::parse(text);
+    if (!network) {
+      throw InputError(table.where(key), std::string("modbus.") + key, "\"" + text + "\"",
+                       "an address or a network, such as \"192.168.0.7\" or \"192.168.0.0/24\"");
+    }
+    networks.push_back(*network);
+  }
+  return networks;
+}
+
 void read_modbus(TomlTable table, Settings& settings) {
   ModbusSettings& modbus = settings.modbus;
   modbus.address = table.text("address", modbus.address);
@@ -126,8 +153,11 @@ void read_modbus(TomlTable table, Settings& settings) {
   modbus.port = static_cast<int>(table.integer("port", 0, 65535, modbus.port));
   modbus.max_clients = static_cast<int>(table.integer("max_clients", 1, 64, modbus.max_clients));
   modbus.idle_limit_s = static_cast<int>(table.integer("idle_limit_s", 1, 86400, modbus.idle_limit_s));
-  const std::string order = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD");
-  settings.loop.word_order = order == "ABCD" ? WordOrder::kABCD : WordOrder::kCDAB;
+  modbus.unit = static_cast<int>(table.integer("unit", 0, 247, modbus.unit));
+  modbus.allow = read_networks(table, "allow");
+  modbus.allow_writes = read_networks(table, "allow_writes");
+  settings.write_key = static_cast<std::uint16_t>(table.integer("write_key", 1, 65535, settings.write_key));
+  settings.loop.live[kWordOrder] = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD") == "CDAB";
   if (table.has("serial")) modbus.serial = read_serial(table.table("serial"));
   table.finish();
 }
@@ -155,6 +185,12 @@ void read_network(TomlTable table, NetworkSettings& network) {
   table.finish();
 }
 
+void read_storage(TomlTable table, Settings& settings) {
+  if (table.has("settings")) settings.saved_state = table.path("settings");
+  if (table.has("recordings")) settings.recordings = table.path("recordings");
+  table.finish();
+}
+
 /// Values of `user`, when it is given, take the place of the file's.
 TomlTable parse_merged(const std::filesystem::path& file, const std::filesystem::path& user) {
   TomlTable root = TomlTable::parse_file(file);
@@ -172,8 +208,9 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
   if (root.has("shape")) read_shape(root.table("shape"), settings.loop.shape);
   read_modbus(root.table("modbus"), settings);
   if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
-  constexpr std::int64_t kNsPerMs = 1'000'000;
-  settings.loop.hold_time_ns = kNsPerMs * root.integer("hold_time_ms", 0, 10000, settings.loop.hold_time_ns / kNsPerMs);
+  std::uint16_t& hold_ms = settings.loop.live[kHoldTime];
+  hold_ms = static_cast<std::uint16_t>(root.integer("hold_time_ms", 0, setting_row(kHoldTime).highest, hold_ms));
+  if (root.has("storage")) read_storage(root.table("storage"), settings);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);
   root.finish();
@@ -211,7 +248,8 @@ Settings read_good_parts(const std::filesystem::path& file, const std::filesyste
     Settings part;
     read_modbus(std::move(table), part);
     settings.modbus = part.modbus;
-    settings.loop.word_order = part.loop.word_order;
+    settings.write_key = part.write_key;
+    settings.loop.live = part.loop.live;
   });
   read_part(file, user, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
   return settings;

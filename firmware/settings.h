@@ -21,8 +21,11 @@ struct Settings {
   LiveCameraSettings live;  ///< of a camera,
   CameraModel lens;         ///< and what it sees through
   std::optional<GpioSettings> gpio;
-  LoopSettings loop;
+  LoopSettings loop;  ///< its live settings are the factory's, until others were saved
   ModbusSettings modbus;
+  std::uint16_t write_key = kDefaultWriteKey;
+  std::filesystem::path saved_state;  ///< what clients save; empty: nothing can be saved
+  std::filesystem::path recordings;   ///< where sessions are recorded; empty: none are
   RealtimeSettings realtime;
   NetworkSettings network;
 };

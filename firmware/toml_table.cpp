@@ -212,6 +212,20 @@ std::vector<double> TomlTable::numbers(const std::string& key, std::size_t count
   return values;
 }
 
+std::vector<std::string> TomlTable::texts(const std::string& key) {
+  const char* expected = "texts in brackets, such as [\"a\", \"b\"]";
+  const void* node = find(key, expected, true);
+  const auto refuse = [&] { throw InputError(where(key), name_ + key, shown(as_node(node)), expected); };
+  const toml::array* array = as_node(node).as_array();
+  if (!array) refuse();
+  std::vector<std::string> values;
+  for (const toml::node& item : *array) {
+    if (!item.is_string()) refuse();
+    values.push_back(*item.value<std::string>());
+  }
+  return values;
+}
+
 std::filesystem::path TomlTable::path(const std::string& key) {
   const std::filesystem::path given = text(key);
   if (given.empty()) throw InputError(where(key), name_ + key, "\"\"", "a path");

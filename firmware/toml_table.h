@@ -34,6 +34,8 @@ class TomlTable {
                      std::optional<std::string> fallback = std::nullopt);
   /// An array of exactly `count` numbers (any number of them if `count` is 0).
   std::vector<double> numbers(const std::string& key, std::size_t count, double lowest, double highest);
+  /// An array of texts.
+  std::vector<std::string> texts(const std::string& key);
   /// A path; a relative one is taken from the folder of the file.
   std::filesystem::path path(const std::string& key);
 

@@ -12,6 +12,7 @@ void add_dataset_command(CLI::App& app);
 void add_build_command(CLI::App& app);
 void add_inspect_command(CLI::App& app);
 void add_render_command(CLI::App& app);
+void add_plc_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 
 }  // namespace finsight::host

@@ -149,6 +149,6 @@ TEST_CASE("board files: outputs that are not clear are refused") {
   CHECK(says(refusal(with(kGpio, "active_low = true", "safe = \"active\"")), "safe"));
   CHECK(says(refusal(with(kGpio, "number = 3", "number = -1")), "number"));
   CHECK(says(refusal(with(kGpio, "healthy =", "helthy =")), "helthy"));
-  CHECK(says(refusal(kGpio.substr(0, kGpio.find("contact ="))), "contact, overload or healthy"));
+  CHECK(says(refusal(kGpio.substr(0, kGpio.find("contact ="))), "contact, overload, healthy, light or trigger"));
   CHECK(says(refusal(with(kGpio, "chip = \"/dev/gpiochip0\"\n", "")), "chip"));
 }

@@ -43,6 +43,12 @@ PlatePoses touched(float size = 1) {
   return seen_poses(numbers);
 }
 
+LoopSettings holding(int ms) {
+  LoopSettings settings;
+  settings.live[kHoldTime] = static_cast<std::uint16_t>(ms);
+  return settings;
+}
+
 /// Feeds a loop one frame every 60th of a second.
 struct Feeder {
   explicit Feeder(const std::optional<CameraModel>& camera = std::nullopt, const LoopSettings& settings = {})
@@ -75,6 +81,22 @@ std::vector<std::uint8_t> painted(const CameraModel& camera, const PlatePoses& p
 
 }  // namespace
 
+TEST_CASE("loop: where the settings want it, the last values stay held after the hold time, with the fault") {
+  LoopSettings settings = holding(101);
+  settings.live[kAfterHold] = 1;
+  Feeder feeder(std::nullopt, settings);
+  const RegisterImage seen = feeder.step(touched());
+  RegisterImage held;
+  for (int i = 0; i < 20; ++i) held = feeder.step_nothing_seen();
+  CHECK(held.words[0] == (kReady | kTouchValid | kContact | kHeld | kAnyFault));
+  CHECK(held.words[1] == static_cast<std::uint16_t>(FaultCode::kMarkersLost));
+  CHECK(held.words[6] == seen.words[6]);
+  settings.live[kAfterHold] = 0;
+  feeder.loop.use(settings.live);
+  CHECK(feeder.step_nothing_seen().words[0] == kAnyFault);
+  CHECK(feeder.step(touched()).words[0] == seen.words[0]);
+}
+
 TEST_CASE("loop: recorded plates go through all stages into the registers") {
   Feeder feeder;
   const PlatePoses poses = touched();
@@ -95,7 +117,9 @@ TEST_CASE("loop: recorded plates go through all stages into the registers") {
 }
 
 TEST_CASE("loop: its settings reach the solver and the registers") {
-  Feeder feeder(std::nullopt, {.shape = {.tier = ShapeSettings::Tier::kMap}, .word_order = WordOrder::kCDAB});
+  LoopSettings settings{.shape = {.tier = ShapeSettings::Tier::kMap}, .live = {}};
+  settings.live[kWordOrder] = 1;
+  Feeder feeder(std::nullopt, settings);
   const RegisterImage& image = feeder.step(touched());
   CHECK(image.words[35] == 0);
   CHECK(image.words[43] == 1);  // the shape map
@@ -116,7 +140,7 @@ TEST_CASE("loop: with the top plate alone the others are completed, and the shap
 }
 
 TEST_CASE("loop: lost markers are held for the hold time, then everything is invalid, then it comes back") {
-  Feeder feeder(std::nullopt, {.shape = {}, .hold_time_ns = 6 * kPeriod});
+  Feeder feeder(std::nullopt, holding(101));
   const RegisterImage seen = feeder.step(touched());
   for (int frame = 1; frame <= 6; ++frame) {
     const RegisterImage& held = feeder.step_nothing_seen();
@@ -138,13 +162,13 @@ TEST_CASE("loop: lost markers are held for the hold time, then everything is inv
 }
 
 TEST_CASE("loop: a hold time of zero holds nothing") {
-  Feeder feeder(std::nullopt, {.shape = {}, .hold_time_ns = 0});
+  Feeder feeder(std::nullopt, holding(0));
   feeder.step(touched());
   CHECK(touch_registers_are_invalid(feeder.step_nothing_seen()));
 }
 
 TEST_CASE("loop: a lost camera is a fault at once, its last result is held for the hold time") {
-  Feeder feeder(std::nullopt, {.shape = {}, .hold_time_ns = 100 * kMs});
+  Feeder feeder(std::nullopt, holding(100));
   const RegisterImage seen = feeder.step(touched());
   const RegisterImage held = feeder.loop.step_without_frame(feeder.now_ns + 100 * kMs);
   CHECK(held.words[0] == (kReady | kTouchValid | kContact | kHeld | kCameraFault | kAnyFault));
@@ -253,7 +277,7 @@ TEST_CASE("loop: frames with recorded poses allocate nothing, whatever happens, 
   const PlatePoses nothing, all[] = {touched(), alone, far, bad, swapped, nothing, touched(-1)};
   using Tier = ShapeSettings::Tier;
   for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
-    Feeder feeder(std::nullopt, {.shape = {.tier = tier}});
+    Feeder feeder(std::nullopt, {.shape = {.tier = tier}, .live = {}});
     const long before = test::allocations;
     for (int round = 0; round < 3; ++round) {
       for (const PlatePoses& poses : all) feeder.step(poses);

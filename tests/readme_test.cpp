@@ -1,16 +1,19 @@
-// The README's register table is the code's.
+// The README's register tables are the code's.
 #include <doctest/doctest.h>
 
 #include <fstream>
 #include <iterator>
 #include <string>
 
-#include "firmware/modbus/registers.h"
+#include "hostgen/plc/plc_files.h"
 
-TEST_CASE("readme: the register table is the one that the server uses") {
+using namespace finsight::host;
+
+TEST_CASE("readme: the register tables are those that the server uses") {
   std::ifstream in(FINSIGHT_SOURCE_DIR "/README.md");
   const std::string readme{std::istreambuf_iterator<char>(in), {}};
-  const std::string table = finsight::register_table_markdown();
-  CHECK(table.size() > 1000);
-  CHECK_MESSAGE(readme.find(table) != std::string::npos, "put this between the markers of README.md:\n" << table);
+  for (const std::string& table : {measurements_markdown(), control_markdown()}) {
+    CHECK(table.size() > 1000);
+    CHECK_MESSAGE(readme.find(table) != std::string::npos, "put this between the markers of README.md:\n" << table);
+  }
 }

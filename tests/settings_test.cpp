@@ -30,6 +30,13 @@ port = 15020
 max_clients = 7
 idle_limit_s = 5
 word_order = "CDAB"
+unit = 9
+allow = ["10.1.0.0/16", "10.2.0.3"]
+allow_writes = ["10.2.0.3"]
+write_key = 4711
+[storage]
+settings = "state.toml"
+recordings = "/data/recordings"
 [modbus.serial]
 device = "/dev/ttyS1"
 baud = 9600
@@ -71,7 +78,7 @@ TEST_CASE("settings: every key arrives") {
   const test::ScratchFolder folder;
   const Settings settings = read_settings(folder.write("board.toml", kFull));
   CHECK(settings.pack == folder / "finger.safetensors");  // relative to the file
-  CHECK(settings.loop.hold_time_ns == 150'000'000);
+  CHECK(settings.loop.live[kHoldTime] == 150);
   CHECK(settings.source == Settings::Source::kPoses);
   CHECK(settings.replay.path == "/data/touches.csv");
   CHECK(settings.replay.recording == "161922");
@@ -91,17 +98,26 @@ TEST_CASE("settings: every key arrives") {
   CHECK(settings.modbus.serial->stop_bits == 2);
   CHECK(settings.modbus.serial->unit == 42);
   CHECK(settings.modbus.serial->rs485);
-  CHECK(settings.loop.word_order == WordOrder::kCDAB);
+  CHECK(settings.loop.live[kWordOrder] == 1);
+  CHECK(settings.modbus.unit == 9);
+  REQUIRE(settings.modbus.allow.size() == 2);
+  CHECK(settings.modbus.allow[0].contains(0x0A01FFFF));
+  CHECK(settings.modbus.allow[1].contains(0x0A020003));
+  CHECK(settings.modbus.allow_writes.size() == 1);
+  CHECK(settings.write_key == 4711);
+  CHECK(settings.saved_state == folder / "state.toml");
+  CHECK(settings.recordings == "/data/recordings");
 }
 
 TEST_CASE("settings: every choice is known") {
   using Tier = ShapeSettings::Tier;
-  for (const auto& [name, tier] : {std::pair{"measures", Tier::kMeasures}, {"map", Tier::kMap}, {"newton", Tier::kNewton}}) {
+  for (const auto& [name, tier] :
+       {std::pair{"measures", Tier::kMeasures}, {"map", Tier::kMap}, {"newton", Tier::kNewton}}) {
     const Settings settings = read(replaced(kFull, "tier = \"map+newton\"", std::string("tier = \"") + name + "\""));
     CHECK(settings.loop.shape.tier == tier);
   }
   CHECK(read(replaced(kFull, "speed = \"full\"", "speed = \"recorded\"")).replay.recorded_speed);
-  CHECK(read(replaced(kFull, "word_order = \"CDAB\"", "word_order = \"ABCD\"")).loop.word_order == WordOrder::kABCD);
+  CHECK(read(replaced(kFull, "word_order = \"CDAB\"", "word_order = \"ABCD\"")).loop.live[kWordOrder] == 0);
   CHECK(read(kLeast).source == Settings::Source::kSession);
   const auto parity = [](const std::string& name) {
     return read(replaced(kFull, "parity = \"odd\"", "parity = \"" + name + "\"")).modbus.serial->parity;
@@ -112,8 +128,7 @@ TEST_CASE("settings: every choice is known") {
 
 TEST_CASE("settings: what is left out has the default of the part that uses it") {
   const Settings settings = read(kLeast), parts;
-  CHECK(settings.loop.hold_time_ns == parts.loop.hold_time_ns);
-  CHECK(settings.loop.word_order == parts.loop.word_order);
+  CHECK(settings.loop.live == parts.loop.live);
   CHECK(settings.loop.shape.tier == parts.loop.shape.tier);
   CHECK(settings.loop.shape.factorisations == parts.loop.shape.factorisations);
   CHECK(settings.loop.shape.chord_steps == parts.loop.shape.chord_steps);
@@ -170,6 +185,11 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
   check_refused("address = \"0.0.0.0\"", "address = \"localhost\"",
                 "modbus.address: found \"localhost\", expected an IPv4 address");
   check_refused("word_order = \"CDAB\"", "word_order = \"BADC\"", "modbus.word_order: found \"BADC\"");
+  check_refused("allow_writes = [\"10.2.0.3\"]", "allow_writes = [\"10.2.0\"]",
+                "modbus.allow_writes: found \"10.2.0\", expected an address or a network");
+  check_refused("allow_writes = [\"10.2.0.3\"]", "allow_writes = \"10.2.0.3\"",
+                "modbus.allow_writes: found '10.2.0.3'");
+  check_refused("allow_writes = [\"10.2.0.3\"]", "allow_writes = [3]", "modbus.allow_writes: found [ 3 ]");
   check_refused("device = \"/dev/ttyS1\"", "device = \"ttyS1\"",
                 "modbus.serial.device: found \"ttyS1\", expected a device's");
   check_refused("baud = 9600", "baud = 9601", "modbus.serial.baud: found 9601, expected 1200, 2400");
@@ -183,7 +203,8 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
        {Range{"hold_time_ms = 150", "hold_time_ms", 0, 10000},
         Range{"factorisations = 2", "shape.factorisations", 1, 10}, Range{"chord_steps = 3", "shape.chord_steps", 0, 5},
         Range{"port = 15020", "modbus.port", 0, 65535}, Range{"max_clients = 7", "modbus.max_clients", 1, 64},
-        Range{"idle_limit_s = 5", "modbus.idle_limit_s", 1, 86400},
+        Range{"idle_limit_s = 5", "modbus.idle_limit_s", 1, 86400}, Range{"unit = 9", "modbus.unit", 0, 247},
+        Range{"write_key = 4711", "modbus.write_key", 1, 65535},
         Range{"stop_bits = 2", "modbus.serial.stop_bits", 1, 2}, Range{"unit = 42", "modbus.serial.unit", 1, 247}}) {
     const std::string line = range.line, name = line.substr(0, line.find('=')) + "= ";
     const std::string expected =
@@ -238,5 +259,5 @@ TEST_CASE("settings: the workstation's board file is good and finds what the dem
   CHECK(settings.replay.recorded_speed);
   CHECK(settings.replay.repeat);
   CHECK(settings.modbus.port == 1502);  // 502 needs privileges on a workstation
-  CHECK(settings.loop.hold_time_ns == parts.loop.hold_time_ns);
+  CHECK(settings.loop.live == parts.loop.live);
 }

@@ -1,8 +1,9 @@
-// The register table: one list in code from which the server, the README's table and registers.csv come.
+// The measurement block: from the nouns of the data path to what clients read. And the settings that clients change.
 #pragma once
 
-#include <string>
+#include <array>
 
+#include "firmware/modbus/register_table.h"
 #include "firmware/types.h"
 
 namespace finsight {
@@ -21,7 +22,7 @@ enum StatusBit : std::uint16_t {
   kCameraFault = 1 << 10,
   kSolverFallback = 1 << 11,
   kSettingsUnsaved = 1 << 12,
-  kOverTemperature = 1 << 13,
+  kOverload = 1 << 14,
   kAnyFault = 1 << 15,
 };
 
@@ -33,10 +34,29 @@ enum class FaultCode : std::uint16_t {
   kSolverFailed = 3,
   kSelfTest = 4,
   kSettingsRefused = 5,
-  kFailedRepeatedly = 6
+  kFailedRepeatedly = 6,
+  kSavedSettings = 7
 };
 
-enum class WordOrder : std::uint8_t { kABCD, kCDAB };
+/// What clients can change while the device works: the settings as their registers hold them.
+struct LiveSettings {
+  std::array<std::uint16_t, kSettingCount> words;
+
+  LiveSettings() {
+    for (int i = 0; i < kSettingCount; ++i) words[static_cast<std::size_t>(i)] = setting_row(i).factory;
+  }
+  std::uint16_t& operator[](Setting setting) { return words[setting]; }
+  std::uint16_t operator[](Setting setting) const { return words[setting]; }
+  bool operator==(const LiveSettings&) const = default;
+};
+
+/// Every setting in its range, and every threshold's "on" above its "off".
+bool are_valid(const LiveSettings& settings);
+
+/// Register 44. Each is set at its "on" threshold and cleared below its "off" one.
+struct Limits {
+  bool contact = false, gentle = false, overload = false;
+};
 
 /// What the loop knows beside the nouns of the data path.
 struct LoopState {
@@ -47,23 +67,28 @@ struct LoopState {
   std::int64_t exposure_ns = 0, published_ns = 0;  ///< steady clock
   bool camera_fault = false;
   FaultCode fault = FaultCode::kNone;
+  bool zeroed = false, settings_unsaved = false;
+  Limits limits;
   std::uint32_t model_checksum = 0;
   float rated_deformation_mm = 1;
-  WordOrder word_order = WordOrder::kABCD;
+  LiveSettings settings;
 };
 
-/// Writes the whole measurement block (the table in registers.cpp). A measured value that is not valid or not finite
+/// The limits of this frame, with those of the frame before. A finger that is bent further than can be measured is in
+/// contact. Without a valid value a limit is not reached.
+Limits next_limits(const Limits& before, const FingerShape& shape, const Touch& touch, float rated_deformation_mm,
+                   const LiveSettings& settings);
+
+/// Writes the whole measurement block (register_table.h). A measured value that is not valid or not finite
 /// becomes -32768 (int16), 65535 (uint16) or NaN (float32); one out of range saturates just short of that. Register 3
 /// (age) stays 0: it is written by set_age.
 void encode_registers(const PlatePoses& poses, const FingerShape& shape, const Touch& touch, const LoopState& state,
                       RegisterImage& image);
 
+/// The block before any result: not ready, no valid value.
+RegisterImage empty_block();
+
 /// Register 3: from the exposure to `now_ns`, the moment of a read (steady clock).
 void set_age(RegisterImage& image, std::int64_t now_ns);
-
-/// The table in two forms, generated from the list that the encoder takes its addresses and scales from: for the
-/// README, and comma-separated (RFC 4180, ASCII) for import by a PLC's programming tool.
-std::string register_table_markdown();
-std::string register_table_csv();
 
 }  // namespace finsight

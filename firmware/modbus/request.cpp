@@ -5,8 +5,6 @@
 #include <iterator>
 #include <string_view>
 
-#include "firmware/types.h"
-
 namespace finsight {
 
 namespace {
@@ -14,25 +12,116 @@ namespace {
 using Request = std::span<const std::uint8_t>;
 using Reply = std::span<std::uint8_t, kLargestPdu>;
 
-enum Function : std::uint8_t { kReadHoldingRegisters = 3, kReadInputRegisters = 4, kEncapsulatedInterface = 43 };
-enum Exception : std::uint8_t { kNoException = 0, kIllegalFunction = 1, kIllegalAddress = 2, kIllegalValue = 3 };
+enum Function : std::uint8_t {
+  kReadHoldingRegisters = 3,
+  kReadInputRegisters = 4,
+  kWriteSingleRegister = 6,
+  kWriteMultipleRegisters = 16,
+  kReadWriteMultipleRegisters = 23,
+  kEncapsulatedInterface = 43
+};
 
 constexpr int kMostRegistersPerRead = 125;
+constexpr int kMostRegistersPerWrite = 123;      // of function 16
+constexpr int kMostRegistersPerReadWrite = 121;  // written by function 23
 
 std::size_t exception(Request request, Exception code, Reply reply) {
   reply[0] = request[0] | 0x80;
-  reply[1] = code;
+  reply[1] = static_cast<std::uint8_t>(code);
   return 2;
 }
 
-// Sections 6.3 and 6.4: the quantity is judged before the address.
-Exception check_read(Request request) {
-  if (request.size() != 5) return kIllegalValue;
-  const int address = request[1] << 8 | request[2];
-  const int quantity = request[3] << 8 | request[4];
-  if (quantity < 1 || quantity > kMostRegistersPerRead) return kIllegalValue;
-  if (address + quantity > kMeasurementRegisters) return kIllegalAddress;
-  return kNoException;
+int word_at(Request request, std::size_t at) { return request[at] << 8 | request[at + 1]; }
+
+bool is_in_control(int address, int quantity) {
+  return address >= kControlAddress && address + quantity <= kControlAddress + kControlRegisters;
+}
+
+/// Sections 6.3 and 6.4: the quantity is judged before the address.
+Exception check_read(int address, int quantity) {
+  if (quantity < 1 || quantity > kMostRegistersPerRead) return Exception::kIllegalValue;
+  const bool exists = address + quantity <= kMeasurementRegisters || is_in_control(address, quantity);
+  return exists ? Exception::kNone : Exception::kIllegalAddress;
+}
+
+/// Registers that exist, as a reply of function 3, 4 or 23.
+std::size_t reply_words(Request request, int address, int quantity, const DeviceView& device,
+                        const ClientAccess& access, Reply reply) {
+  std::array<std::uint16_t, kMostRegistersPerRead> buffer;
+  const std::span<std::uint16_t> words(buffer.data(), static_cast<std::size_t>(quantity));
+  if (address < kMeasurementRegisters) {
+    std::copy_n(device.image.words.begin() + address, quantity, words.begin());
+  } else {
+    device.control.read(address, words, access, device.now_ns);
+  }
+  reply[0] = request[0];
+  reply[1] = static_cast<std::uint8_t>(2 * quantity);
+  std::size_t end = 2;
+  for (const std::uint16_t word : words) {
+    reply[end++] = static_cast<std::uint8_t>(word >> 8);
+    reply[end++] = static_cast<std::uint8_t>(word);
+  }
+  return end;
+}
+
+/// Words as they follow each other in the request, from byte `at` on.
+Exception write_words(Request request, std::size_t at, int address, int quantity, const DeviceView& device,
+                      const ClientAccess& access) {
+  if (!is_in_control(address, quantity)) return Exception::kIllegalAddress;
+  std::array<std::uint16_t, kMostRegistersPerWrite> words;
+  for (int i = 0; i < quantity; ++i) {
+    words[static_cast<std::size_t>(i)] =
+        static_cast<std::uint16_t>(word_at(request, at + 2 * static_cast<std::size_t>(i)));
+  }
+  return device.control.write(address, {words.data(), static_cast<std::size_t>(quantity)}, access, device.now_ns);
+}
+
+/// Section 6.6 and 6.12: what is written is echoed, without its values.
+std::size_t reply_written(Request request, Exception code, Reply reply) {
+  if (code != Exception::kNone) return exception(request, code, reply);
+  std::copy_n(request.begin(), 5, reply.begin());
+  return 5;
+}
+
+std::size_t read(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
+  if (request.size() != 5) return exception(request, Exception::kIllegalValue, reply);
+  const int address = word_at(request, 1), quantity = word_at(request, 3);
+  const Exception code = check_read(address, quantity);
+  if (code != Exception::kNone) return exception(request, code, reply);
+  return reply_words(request, address, quantity, device, access, reply);
+}
+
+std::size_t write_one(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
+  if (request.size() != 5) return exception(request, Exception::kIllegalValue, reply);
+  return reply_written(request, write_words(request, 3, word_at(request, 1), 1, device, access), reply);
+}
+
+std::size_t write_many(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
+  constexpr std::size_t kHeader = 6;
+  const int quantity = request.size() < kHeader ? 0 : word_at(request, 3);
+  if (quantity < 1 || quantity > kMostRegistersPerWrite || request[5] != 2 * quantity ||
+      request.size() != kHeader + request[5]) {
+    return exception(request, Exception::kIllegalValue, reply);
+  }
+  const int address = word_at(request, 1);
+  return reply_written(request, write_words(request, kHeader, address, quantity, device, access), reply);
+}
+
+/// Section 6.17: the write comes first. What would be read is judged before it, so that nothing is half done.
+std::size_t read_and_write(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
+  constexpr std::size_t kHeader = 10;
+  const int quantity = request.size() < kHeader ? 0 : word_at(request, 7);
+  if (quantity < 1 || quantity > kMostRegistersPerReadWrite || request[9] != 2 * quantity ||
+      request.size() != kHeader + request[9]) {
+    return exception(request, Exception::kIllegalValue, reply);
+  }
+  const int read_address = word_at(request, 1), read_quantity = word_at(request, 3);
+  Exception code = check_read(read_address, read_quantity);
+  if (code == Exception::kNone) {
+    code = write_words(request, kHeader, word_at(request, 5), quantity, device, access);
+  }
+  if (code != Exception::kNone) return exception(request, code, reply);
+  return reply_words(request, read_address, read_quantity, device, access, reply);
 }
 
 // Section 6.21, read device identification. Objects 0...2 are basic, up to 0x7F regular.
@@ -71,13 +160,13 @@ std::span<const IdentityObject> identity_objects(std::uint8_t code, std::uint8_t
 
 std::size_t identify(Request request, Reply reply) {
   if (request.size() < 2 || request[1] != kReadDeviceIdentification) {
-    return exception(request, kIllegalFunction, reply);
+    return exception(request, Exception::kIllegalFunction, reply);
   }
-  if (request.size() != 4) return exception(request, kIllegalValue, reply);
+  if (request.size() != 4) return exception(request, Exception::kIllegalValue, reply);
   const std::uint8_t code = request[2];
-  if (code < kBasic || code > kIndividual) return exception(request, kIllegalValue, reply);
+  if (code < kBasic || code > kIndividual) return exception(request, Exception::kIllegalValue, reply);
   const std::span<const IdentityObject> objects = identity_objects(code, request[3]);
-  if (objects.empty()) return exception(request, kIllegalAddress, reply);
+  if (objects.empty()) return exception(request, Exception::kIllegalAddress, reply);
 
   const std::array<std::uint8_t, kIdentityHeader> header = {kEncapsulatedInterface,
                                                             kReadDeviceIdentification,
@@ -97,17 +186,21 @@ std::size_t identify(Request request, Reply reply) {
 
 }  // namespace
 
-std::size_t answer_request(Request request, Reply reply) {
+std::size_t answer_request(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   switch (request[0]) {
     case kReadHoldingRegisters:
-    case kReadInputRegisters: {
-      const Exception code = check_read(request);
-      return code == kNoException ? 0 : exception(request, code, reply);
-    }
+    case kReadInputRegisters:
+      return read(request, device, access, reply);
+    case kWriteSingleRegister:
+      return write_one(request, device, access, reply);
+    case kWriteMultipleRegisters:
+      return write_many(request, device, access, reply);
+    case kReadWriteMultipleRegisters:
+      return read_and_write(request, device, access, reply);
     case kEncapsulatedInterface:
       return identify(request, reply);
     default:
-      return exception(request, kIllegalFunction, reply);
+      return exception(request, Exception::kIllegalFunction, reply);
   }
 }
 

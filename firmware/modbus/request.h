@@ -1,18 +1,35 @@
-// What a Modbus request gets, decided before anything acts on it. Bytes in, bytes out: the same for every transport.
+// What a Modbus request gets. Bytes in, bytes out: the same for every transport.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <span>
+
+#include "firmware/modbus/control.h"
+#include "firmware/types.h"
 
 namespace finsight {
 
 inline constexpr std::size_t kLargestPdu = 253;  ///< function code and data (Modbus Application Protocol, section 4.1)
 
-/// Answers a request by what its function code and fields say: identification (43/14), or the exception that the Modbus
-/// Application Protocol V1.1b3 names. Returns the length of the reply. 0: this is a read (functions 3 and 4) of 1...125
-/// registers inside the measurement block, which may be given to libmodbus; nothing else may. `request` has 1...253
-/// bytes of any content.
-std::size_t answer_request(std::span<const std::uint8_t> request, std::span<std::uint8_t, kLargestPdu> reply);
+/// What a request is answered from: the latest block, and commands and settings.
+struct DeviceView {
+  RegisterImage image;
+  Control& control;
+  std::int64_t now_ns;  ///< steady clock; the image's age is that of this moment
+};
+inline DeviceView view_now(Latest<RegisterImage>& latest, Control& control) {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  DeviceView view{latest.read(), control, std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()};
+  set_age(view.image, view.now_ns);
+  return view;
+}
+
+/// Carries out functions 3, 4, 6, 16 and 23 and identification (43/14); anything else, and what is wrong in those, gets
+/// the exception that the Modbus Application Protocol V1.1b3 names. Returns the length of the reply, from 2 on.
+/// `request` has 1...253 bytes of any content.
+std::size_t answer_request(std::span<const std::uint8_t> request, const DeviceView& device, const ClientAccess& access,
+                           std::span<std::uint8_t, kLargestPdu> reply);
 
 }  // namespace finsight

@@ -15,8 +15,7 @@
 #include <thread>
 #include <utility>
 
-#include "firmware/modbus/latest_image.h"
-#include "firmware/modbus/reply_image.h"
+#include "firmware/modbus/latest.h"
 #include "firmware/modbus/request.h"
 
 namespace finsight {
@@ -48,14 +47,34 @@ bool is_whole(std::span<const std::uint8_t> frame) {
   return checksum(body) == (frame[body.size()] | frame[body.size() + 1] << 8);
 }
 
-/// Lengths of the frames that we answer with data: functions 3 and 4, and identification.
-std::size_t known_length(std::uint8_t function) { return function == 3 || function == 4 ? 8 : function == 43 ? 7 : 0; }
+/// Length of a request that begins with these bytes; 0: not known (yet), or no function that we answer with data.
+std::size_t known_length(std::span<const std::uint8_t> begin) {
+  const auto counted = [&](std::size_t count_at) {
+    return begin.size() > count_at ? count_at + 1 + begin[count_at] + kChecksum : 0;
+  };
+  switch (begin.size() > 1 ? begin[1] : 0) {
+    case 3:
+    case 4:
+    case 6:
+      return 8;
+    case 16:
+      return counted(6);
+    case 23:
+      return counted(10);
+    case 43:
+      return 7;
+    default:
+      return 0;
+  }
+}
+
+bool is_write(std::uint8_t function) { return function == 6 || function == 16; }
 
 }  // namespace
 
 struct SerialLine::Impl {
-  Impl(const SerialSettings& wanted, std::function<void(const std::string&)> listener)
-      : settings(wanted), report(std::move(listener)), wake(::eventfd(0, EFD_CLOEXEC)) {
+  Impl(const SerialSettings& wanted, Control& served, std::function<void(const std::string&)> listener)
+      : settings(wanted), control(served), report(std::move(listener)), wake(::eventfd(0, EFD_CLOEXEC)) {
     if (wake < 0) throw std::system_error(errno, std::generic_category(), "Modbus RTU");
     const auto character_us = std::chrono::microseconds(11'000'000 / settings.baud);
     gap = std::max(kShortestGap, character_us * 7 / 2);
@@ -112,46 +131,49 @@ struct SerialLine::Impl {
       if (ready < 0) return;
       if (ready == 0) {  // a pause: what has come is a frame, or rubbish
         const std::span<const std::uint8_t> frame(bytes.data(), std::exchange(used, 0));
-        if (is_whole(frame) && !answer(frame)) return;
+        if (is_whole(frame) && !hear(frame)) return;
         continue;
       }
       if (used == bytes.size()) used = 0;  // longer than any frame
       const ssize_t got = ::read(device, &bytes[used], bytes.size() - used);
       if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) return;
       if (got > 0) used += static_cast<std::size_t>(got);
-      if (!answer_request_at_the_end()) return;
+      if (!hear_known()) return;
     }
   }
 
-  // Of a line with several units we also hear the others' answers, perhaps without a pause before the next request. So
-  // the last bytes are looked at: our address, a function that we know, its length, and a correct checksum.
-  bool answer_request_at_the_end() {
-    for (const std::size_t length : {std::size_t{8}, std::size_t{7}}) {
-      if (used < length) continue;
-      const std::span<const std::uint8_t> frame(&bytes[used - length], length);
-      if (frame[0] != settings.unit || known_length(frame[1]) != length || !is_whole(frame)) continue;
-      const bool sent = answer(frame);
+  // Frames whose length is known wait for no pause. Of a line with several units we also hear the others' answers,
+  // perhaps without a pause before the next request: so beside all bytes since the last pause, the last ones are looked
+  // at: our address, a function that we know, its length, and a correct checksum.
+  bool hear_known() {
+    const std::span<const std::uint8_t> all(bytes.data(), used);
+    for (const std::size_t length : {used, std::size_t{8}, std::size_t{7}}) {
+      if (used < length || length < 2) continue;
+      const auto frame = all.last(length);
+      const bool for_us = frame[0] == settings.unit || (frame[0] == 0 && length == used);
+      if (!for_us || known_length(frame) != length || !is_whole(frame)) continue;
       used = 0;
-      return sent;
+      return hear(frame);
     }
     return true;
   }
 
   /// A whole frame. False: the device does not take the answer.
-  bool answer(std::span<const std::uint8_t> frame) {
-    if (frame[0] != settings.unit) return true;
-    std::this_thread::sleep_for(gap);
+  bool hear(std::span<const std::uint8_t> frame) {
+    const bool is_broadcast = frame[0] == 0 && is_write(frame[1]);
+    if (frame[0] != settings.unit && !is_broadcast) return true;
+    if (!is_broadcast) std::this_thread::sleep_for(gap);
     std::array<std::uint8_t, 1 + kLargestPdu> reply;
     reply[0] = frame[0];
-    const std::size_t length = answer_request(frame.subspan(1, frame.size() - 1 - kChecksum),
-                                              std::span<std::uint8_t, kLargestPdu>(&reply[1], kLargestPdu));
-    if (length > 0) {
-      return modbus_send_raw_request(line.get(), reply.data(), static_cast<int>(1 + length)) > 0;  // adds the checksum
-    }
-    return reply_image(line.get(), frame, latest.read());
+    const std::size_t length = answer_request(frame.subspan(1, frame.size() - 1 - kChecksum), view_now(latest, control),
+                                              access, std::span<std::uint8_t, kLargestPdu>(&reply[1], kLargestPdu));
+    if (is_broadcast) return true;
+    return modbus_send_raw_request(line.get(), reply.data(), static_cast<int>(1 + length)) > 0;  // adds the checksum
   }
 
   const SerialSettings settings;
+  Control& control;
+  ClientAccess access{.may_write = true};  // who is on the line was let onto it
   const std::function<void(const std::string&)> report;
   const int wake;
   std::chrono::microseconds gap;
@@ -159,12 +181,12 @@ struct SerialLine::Impl {
   std::unique_ptr<modbus_t, decltype(&modbus_free)> line{nullptr, &modbus_free};
   std::array<std::uint8_t, kLargestFrame> bytes;
   std::size_t used = 0;
-  LatestImage latest;
+  Latest<RegisterImage> latest{empty_block()};
   std::thread thread;
 };
 
-SerialLine::SerialLine(const SerialSettings& settings, std::function<void(const std::string&)> report)
-    : impl_(std::make_unique<Impl>(settings, std::move(report))) {}
+SerialLine::SerialLine(const SerialSettings& settings, Control& control, std::function<void(const std::string&)> report)
+    : impl_(std::make_unique<Impl>(settings, control, std::move(report))) {}
 SerialLine::~SerialLine() = default;
 void SerialLine::publish(const RegisterImage& image) noexcept { impl_->latest.publish(image); }
 

@@ -1,7 +1,6 @@
 #include "firmware/modbus/server.h"
 
 #include <arpa/inet.h>
-#include <modbus.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -19,8 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "firmware/modbus/latest_image.h"
-#include "firmware/modbus/reply_image.h"
+#include "firmware/modbus/latest.h"
 #include "firmware/modbus/request.h"
 #include "firmware/modbus/serial_line.h"
 
@@ -70,6 +68,7 @@ struct Client {
   Descriptor socket;
   std::int64_t deadline_ns = 0;  ///< closed when this passes before the next whole frame
   std::size_t used = 0;          ///< bytes of `frame` that have arrived
+  ClientAccess access;
   std::array<std::uint8_t, kLargestFrame> frame;
 
   std::size_t length_field() const { return static_cast<std::size_t>(frame[4] << 8 | frame[5]); }
@@ -119,17 +118,17 @@ int port_of(const Descriptor& listener) {
 }  // namespace
 
 struct ModbusServer::Impl {
-  Impl(const ModbusSettings& settings, const std::function<void(const std::string&)>& report)
-      : listener(open_listener(settings)),
+  Impl(const ModbusSettings& wanted, Control& served, const std::function<void(const std::string&)>& report)
+      : settings(wanted),
+        control(served),
+        listener(open_listener(settings)),
         port(port_of(listener)),
         wake(::eventfd(0, EFD_CLOEXEC)),
-        // Neither address nor port of this context are used: it writes replies to sockets that it is lent.
-        modbus(modbus_new_tcp("127.0.0.1", MODBUS_TCP_DEFAULT_PORT), &modbus_free),
         idle_limit_ns(settings.idle_limit_s * kSecond_ns),
         clients(static_cast<std::size_t>(settings.max_clients)),
         polled(clients.size() + kFirstClient) {
-    if (!wake.is_open() || !modbus) throw std::system_error(errno, std::generic_category(), "Modbus server");
-    if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, report);
+    if (!wake.is_open()) throw std::system_error(errno, std::generic_category(), "Modbus server");
+    if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, control, report);
     thread = std::thread([this] { run(); });
   }
 
@@ -165,18 +164,24 @@ struct ModbusServer::Impl {
 
   void accept_clients() {
     for (int i = 0; i < kAcceptsPerTurn; ++i) {
-      Descriptor socket(::accept4(listener.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+      sockaddr_in from{};
+      socklen_t size = sizeof from;
+      Descriptor socket(
+          ::accept4(listener.get(), reinterpret_cast<sockaddr*>(&from), &size, SOCK_NONBLOCK | SOCK_CLOEXEC));
       if (!socket.is_open()) {
         // Out of descriptors or memory the listener stays ready; without a rest the thread would spin.
         const bool is_passing = errno == EAGAIN || errno == EINTR || errno == ECONNABORTED;
         if (!is_passing) accept_after_ns = now_ns() + kAcceptRest_ns;
         return;
       }
+      const std::uint32_t address = ntohl(from.sin_addr.s_addr);
+      if (!is_listed(settings.allow, address)) continue;  // closed at once
       const auto free =
           std::find_if(clients.begin(), clients.end(), [](const Client& c) { return !c.socket.is_open(); });
       if (free == clients.end()) continue;  // one too many: closed at once
       free->socket = std::move(socket);
       free->used = 0;
+      free->access = {.may_write = is_listed(settings.allow_writes, address), .address = address};
       free->deadline_ns = now_ns() + idle_limit_ns;
     }
   }
@@ -198,49 +203,48 @@ struct ModbusServer::Impl {
     return answered;
   }
 
+  /// Units that are not ours are nobody's here, so nobody answers. 0 and 255 are how clients of devices without a unit
+  /// behind their address call them (Modbus Messaging on TCP/IP V1.0b, section 4.4.2.1).
+  bool is_ours(std::uint8_t unit) const {
+    if (unit == 0 || unit == 255) return true;
+    return settings.unit == 0 ? unit <= 247 : unit == settings.unit;
+  }
+
   /// False: the client does not read its answers; what it has not read is thrown away with it.
-  bool answer(const Client& client) {
-    const std::uint8_t unit = client.frame[kHeader - 1];
-    if (unit > 247 && unit != 255) return true;  // reserved: nobody is addressed, so nobody answers
+  bool answer(Client& client) {
+    if (!is_ours(client.frame[kHeader - 1])) return true;
     std::array<std::uint8_t, kLargestFrame> reply;
-    const std::size_t length = answer_request({&client.frame[kHeader], client.used - kHeader},
-                                              std::span<std::uint8_t, kLargestPdu>(&reply[kHeader], kLargestPdu));
-    const bool sent = length ? send_reply(client, reply, length) : reply_registers(client);
-    if (sent) return true;
+    const std::size_t length =
+        answer_request({&client.frame[kHeader], client.used - kHeader}, view_now(latest, control), client.access,
+                       std::span<std::uint8_t, kLargestPdu>(&reply[kHeader], kLargestPdu));
+    std::copy_n(client.frame.begin(), kHeader, reply.begin());
+    reply[4] = 0;
+    reply[5] = static_cast<std::uint8_t>(length + 1);
+    const std::size_t total = kHeader + length;
+    if (::send(client.socket.get(), reply.data(), total, MSG_NOSIGNAL) == static_cast<ssize_t>(total)) return true;
     const linger abort{1, 0};
     ::setsockopt(client.socket.get(), SOL_SOCKET, SO_LINGER, &abort, sizeof abort);
     return false;
   }
 
-  static bool send_reply(const Client& client, std::array<std::uint8_t, kLargestFrame>& reply, std::size_t pdu_length) {
-    std::copy_n(client.frame.begin(), kHeader, reply.begin());
-    reply[4] = 0;
-    reply[5] = static_cast<std::uint8_t>(pdu_length + 1);
-    const std::size_t total = kHeader + pdu_length;
-    return ::send(client.socket.get(), reply.data(), total, MSG_NOSIGNAL) == static_cast<ssize_t>(total);
-  }
-
-  bool reply_registers(const Client& client) {
-    modbus_set_socket(modbus.get(), client.socket.get());
-    return reply_image(modbus.get(), {client.frame.data(), client.used}, latest.read());
-  }
-
   static constexpr std::size_t kWake = 0, kListener = 1, kFirstClient = 2;
+  const ModbusSettings settings;
+  Control& control;
   Descriptor listener;
   int port;
   Descriptor wake;
-  std::unique_ptr<modbus_t, decltype(&modbus_free)> modbus;
   std::int64_t idle_limit_ns;
   std::vector<Client> clients;
   std::vector<pollfd> polled;
   std::int64_t accept_after_ns = 0;
-  LatestImage latest;
+  Latest<RegisterImage> latest{empty_block()};
   std::unique_ptr<SerialLine> serial;
   std::thread thread;
 };
 
-ModbusServer::ModbusServer(const ModbusSettings& settings, const std::function<void(const std::string&)>& report)
-    : impl_(std::make_unique<Impl>(settings, report)) {}
+ModbusServer::ModbusServer(const ModbusSettings& settings, Control& control,
+                           const std::function<void(const std::string&)>& report)
+    : impl_(std::make_unique<Impl>(settings, control, report)) {}
 ModbusServer::~ModbusServer() = default;
 void ModbusServer::publish(const RegisterImage& image) noexcept {
   impl_->latest.publish(image);

@@ -1,4 +1,5 @@
-// Digital outputs: lines of a GPIO chip, driven through libgpiod 2. One interface because tests record instead.
+// Digital outputs and one input: lines of a GPIO chip, driven through libgpiod 2. One interface because tests record
+// instead.
 #pragma once
 
 #include <array>
@@ -9,17 +10,20 @@
 
 namespace finsight {
 
-enum Output : std::uint8_t { kContactOutput, kOverloadOutput, kHealthyOutput };
-inline constexpr int kOutputs = 3;
-inline constexpr std::array<const char*, kOutputs> kOutputName = {"contact", "overload", "healthy"};
+enum Output : std::uint8_t { kContactOutput, kOverloadOutput, kHealthyOutput, kLightOutput };
+inline constexpr int kOutputs = 4;
+inline constexpr std::array<const char*, kOutputs> kOutputName = {"contact", "overload", "healthy", "light"};
 
 /// One level per output; true: active (which voltage that is, the line's `active_low` says).
 using OutputLevels = std::array<bool, kOutputs>;
 
-struct OutputLine {
+struct GpioLine {
   std::string name;  ///< as the chip names it; empty: by number
   unsigned number = 0;
   bool active_low = false;
+};
+
+struct OutputLine : GpioLine {
   bool safe_active = false;  ///< the level on a fault, before the first frame and at exit
 };
 
@@ -27,6 +31,7 @@ struct GpioSettings {
   std::string chip;      ///< path ("/dev/gpiochip0") or label ("pinctrl-bcm2711"); labels stay the same over kernels
   std::string consumer;  ///< what tools such as gpioinfo show as the lines' user
   std::array<std::optional<OutputLine>, kOutputs> lines;
+  std::optional<GpioLine> trigger = std::nullopt;  ///< an input
 };
 
 OutputLevels safe_levels(const GpioSettings& settings);
@@ -38,6 +43,8 @@ class Gpio {
   /// All lines at once; levels of outputs that have no line are ignored. False: the chip refused. Never throws or
   /// allocates; may be called from a signal handler.
   virtual bool set(const OutputLevels& levels) = 0;
+  /// The trigger input's level; false without one, or if the chip does not say.
+  virtual bool trigger() = 0;
 };
 
 /// Takes the lines, at their safe levels. Throws InputError, with what there is, for a chip or line that does not

@@ -57,7 +57,7 @@ Chip open_chip(const std::string& wanted) {
 }
 
 /// Which line of the chip is meant; it must be free.
-unsigned find_line(gpiod_chip* chip, const OutputLine& line, const std::string& field) {
+unsigned find_line(gpiod_chip* chip, const GpioLine& line, const std::string& field) {
   int offset = static_cast<int>(line.number);
   if (!line.name.empty()) {
     offset = gpiod_chip_get_line_offset_from_name(chip, line.name.c_str());
@@ -80,6 +80,15 @@ void check(bool done, const std::string& field) {
   if (!done) throw InputError(field, std::string("cannot be requested: ") + std::strerror(errno));
 }
 
+LineRequest request_lines(gpiod_chip* chip, gpiod_line_config* lines, const std::string& consumer) {
+  const RequestConfig config(gpiod_request_config_new());
+  check(config != nullptr, "gpio");
+  gpiod_request_config_set_consumer(config.get(), consumer.c_str());
+  LineRequest request(gpiod_chip_request_lines(chip, config.get(), lines));
+  check(request != nullptr, "gpio");
+  return request;
+}
+
 class LibgpiodGpio : public Gpio {
  public:
   explicit LibgpiodGpio(const GpioSettings& settings) : safe_(safe_levels(settings)) {
@@ -90,31 +99,37 @@ class LibgpiodGpio : public Gpio {
       if (!settings.lines[output]) continue;
       const std::string field = std::string("gpio.") + kOutputName[output];
       const unsigned offset = find_line(chip.get(), *settings.lines[output], field);
-      for (int i = 0; i < count_; ++i) {
-        if (offset_[i] == offset) throw InputError(field, std::string("is the line of ") + kOutputName[output_[i]]);
-      }
-      add_line(lines.get(), offset, *settings.lines[output], field);
+      check_unused(offset, field);
+      add_output(lines.get(), offset, *settings.lines[output], field);
       offset_[count_] = offset;
       output_[count_++] = output;
     }
-    const RequestConfig request(gpiod_request_config_new());
-    check(request != nullptr, "gpio");
-    gpiod_request_config_set_consumer(request.get(), settings.consumer.c_str());
-    request_.reset(gpiod_chip_request_lines(chip.get(), request.get(), lines.get()));
-    check(request_ != nullptr, "gpio");
+    if (count_ > 0) request_ = request_lines(chip.get(), lines.get(), settings.consumer);
+    if (settings.trigger) open_trigger(chip.get(), *settings.trigger, settings.consumer);
   }
 
   ~LibgpiodGpio() override { LibgpiodGpio::set(safe_); }
 
   bool set(const OutputLevels& levels) override {
+    if (!request_) return true;
     std::array<gpiod_line_value, kOutputs> values{};
     for (int i = 0; i < count_; ++i) values[i] = value(levels[output_[i]]);
     return gpiod_line_request_set_values(request_.get(), values.data()) == 0;  // in the order of the request
   }
 
+  bool trigger() override {
+    return trigger_ && gpiod_line_request_get_value(trigger_.get(), trigger_offset_) == GPIOD_LINE_VALUE_ACTIVE;
+  }
+
  private:
+  void check_unused(unsigned offset, const std::string& field) const {
+    for (int i = 0; i < count_; ++i) {
+      if (offset_[i] == offset) throw InputError(field, std::string("is the line of ") + kOutputName[output_[i]]);
+    }
+  }
+
   /// The line is an output at its safe level from the first moment on.
-  static void add_line(gpiod_line_config* lines, unsigned offset, const OutputLine& line, const std::string& field) {
+  static void add_output(gpiod_line_config* lines, unsigned offset, const OutputLine& line, const std::string& field) {
     const LineSettings settings(gpiod_line_settings_new());
     check(settings != nullptr, field);
     gpiod_line_settings_set_active_low(settings.get(), line.active_low);
@@ -123,11 +138,26 @@ class LibgpiodGpio : public Gpio {
     check(gpiod_line_config_add_line_settings(lines, &offset, 1, settings.get()) == 0, field);
   }
 
+  /// A request of its own: the levels of one with an input cannot be set together.
+  void open_trigger(gpiod_chip* chip, const GpioLine& line, const std::string& consumer) {
+    const std::string field = "gpio.trigger";
+    trigger_offset_ = find_line(chip, line, field);
+    check_unused(trigger_offset_, field);
+    const LineConfig lines(gpiod_line_config_new());
+    const LineSettings settings(gpiod_line_settings_new());
+    check(lines && settings, field);
+    gpiod_line_settings_set_active_low(settings.get(), line.active_low);
+    check(gpiod_line_settings_set_direction(settings.get(), GPIOD_LINE_DIRECTION_INPUT) == 0, field);
+    check(gpiod_line_config_add_line_settings(lines.get(), &trigger_offset_, 1, settings.get()) == 0, field);
+    trigger_ = request_lines(chip, lines.get(), consumer);
+  }
+
   OutputLevels safe_;
-  LineRequest request_;
+  LineRequest request_, trigger_;
   int count_ = 0;
   std::array<int, kOutputs> output_{};  // which output the request's i-th line is
   std::array<unsigned, kOutputs> offset_{};
+  unsigned trigger_offset_ = 0;
 };
 
 }  // namespace

@@ -77,7 +77,8 @@ std::vector<double> read_times_us(RawClient& client, int count) {
 
 json measure_modbus(bool quick) {
   const int reads = quick ? 5000 : 50000;
-  ModbusServer server({.port = 0});
+  Control control;
+  ModbusServer server({.port = 0}, control);
   RawClient client(server.port());
   read_times_us(client, 100);
   const std::vector<double> alone = read_times_us(client, reads);

@@ -47,6 +47,7 @@ Scene touched_finger() {
   s.state.published_ns = 5'012'340'000;
   s.state.model_checksum = 0xCAFEBABE;
   s.state.rated_deformation_mm = 6.5F;
+  s.state.limits = {.contact = true, .gentle = true};
   return s;
 }
 
@@ -60,8 +61,8 @@ TEST_CASE("registers: a touched finger encodes to words worked out by hand") {
       500,    1450,   675,                         // 11: level, displacements
       150,    0xFFE7, 1200,   573,    0xFB86, 57,  // 14: top plate, -25, -1146 = 0xFB86
       0x3FC0, 0x0000, 0xC010, 0x0000, 0x3F00, 0x0000, 0x4060, 0x0000, 0x4050, 0x0000, 0x7FC0, 0x0000,  // 20: floats
-      0x0001, 0x2345, 17,     4,      0xCAFE, 0xBABE, 1,      0x1234,  // 32: counters and constants
-      250,    6000,   713,    2,      0,      0,      0,      0};      // 40: contact, shape source, reserved
+      0x0001, 0x2345, 17,     4,      0xCAFE, 0xBABE, 2,      0x1234,   // 32: counters and constants
+      250,    6000,   713,    2,      3,      0,      0x1234, 0x5678};  // 40: contact, shape source, limits, test
   const RegisterImage image = touched_finger().encoded();
   CHECK(std::vector<std::uint16_t>(image.words.begin(), image.words.end()) == expected);
   CHECK(image.exposure_ns == 5'000'000'000);
@@ -70,9 +71,9 @@ TEST_CASE("registers: a touched finger encodes to words worked out by hand") {
 TEST_CASE("registers: word order CDAB swaps the words of every 32-bit register and nothing else") {
   Scene scene = touched_finger();
   const RegisterImage big = scene.encoded();
-  scene.state.word_order = WordOrder::kCDAB;
+  scene.state.settings[kWordOrder] = 1;
   const RegisterImage swapped = scene.encoded();
-  const std::vector<std::size_t> pairs = {20, 22, 24, 26, 28, 30, 32, 36};
+  const std::vector<std::size_t> pairs = {20, 22, 24, 26, 28, 30, 32, 36, 46};
   std::vector<std::uint16_t> expected(big.words.begin(), big.words.end());
   for (const std::size_t first : pairs) std::swap(expected[first], expected[first + 1]);
   CHECK(std::vector<std::uint16_t>(swapped.words.begin(), swapped.words.end()) == expected);
@@ -82,7 +83,7 @@ TEST_CASE("registers: word order CDAB swaps the words of every 32-bit register a
 
 TEST_CASE("registers: before any result nothing is ready and nothing looks like a measurement") {
   const RegisterImage image = Scene{}.encoded();
-  for (const std::size_t a : {0U, 1U, 2U, 3U, 32U, 33U, 34U, 35U, 36U, 37U, 43U, 44U, 45U, 46U, 47U}) {
+  for (const std::size_t a : {0U, 1U, 2U, 3U, 32U, 33U, 34U, 35U, 36U, 37U, 43U, 44U, 45U}) {
     CHECK_MESSAGE(image.words[a] == 0, "register " << a);
   }
   for (const std::size_t a : {4U, 8U, 9U, 10U, 11U, 12U, 13U}) CHECK_MESSAGE(image.words[a] == 65535, "register " << a);
@@ -133,7 +134,8 @@ TEST_CASE("registers: a value that is not finite never reaches the block, nor do
   for (const float bad : {kNan, -kNan, kInf, -kInf}) {
     Scene scene = touched_finger();
     scene.touch.force_n = bad;
-    CHECK((scene.word(0) & (kTouchValid | kContact)) == 0);
+    CHECK((scene.word(0) & kTouchValid) == 0);
+    CHECK_FALSE(next_limits({true, true, true}, scene.shape, scene.touch, 6.5F, {}).contact);
     CHECK(scene.word(5) == 0x8000);
     CHECK(scene.word(9) == 65535);
     CHECK(scene.word(26) == 0x7FC0);
@@ -181,10 +183,12 @@ TEST_CASE("registers: each status bit follows its own cause") {
     change(scene);
     return scene.word(0);
   };
-  CHECK(status([](Scene& s) { s.touch.quality = Quality::kInvalid; }) == (all_well & ~(kTouchValid | kContact)));
+  CHECK(status([](Scene& s) { s.touch.quality = Quality::kInvalid; }) == (all_well & ~kTouchValid));
   CHECK(status([](Scene& s) { s.touch.over_range = true; }) == (all_well | kOverRange));
-  CHECK(status([](Scene& s) { s.touch.force_n = 0; }) == (all_well & ~kContact));
-  CHECK(status([](Scene& s) { s.touch.force_n = -0.1F; }) == (all_well & ~kContact));
+  CHECK(status([](Scene& s) { s.state.limits.contact = false; }) == (all_well & ~kContact));
+  CHECK(status([](Scene& s) { s.state.limits.overload = true; }) == (all_well | kOverload));
+  CHECK(status([](Scene& s) { s.state.zeroed = true; }) == (all_well | kZeroed));
+  CHECK(status([](Scene& s) { s.state.settings_unsaved = true; }) == (all_well | kSettingsUnsaved));
   CHECK(status([](Scene& s) { s.shape.quality = Quality::kInvalid; }) == (all_well & ~kShapeValid));
   CHECK(status([](Scene& s) { s.poses.seen[kTopPlate] = false; }) == (all_well & ~(kShapeValid | kTopSeen)));
   CHECK(status([](Scene& s) { s.poses.seen[kMiddlePlate] = false; }) == (all_well & ~(kShapeValid | kMiddleSeen)));
@@ -197,7 +201,7 @@ TEST_CASE("registers: each status bit follows its own cause") {
   CHECK(status([](Scene& s) { s.state.fault = FaultCode::kMarkersLost; }) == (all_well | kAnyFault));
   CHECK(status([](Scene& s) { s.state.fault = FaultCode::kSelfTest; }) == ((all_well | kAnyFault) & ~kReady));
   CHECK(status([](Scene& s) { s.touch.quality = s.shape.quality = Quality::kInvalid; }) ==
-        (kTopSeen | kMiddleSeen | kLowSeen));
+        (kContact | kTopSeen | kMiddleSeen | kLowSeen));
 }
 
 TEST_CASE("registers: the fault code and the shape's source are the numbers of the table") {
@@ -225,35 +229,4 @@ TEST_CASE("registers: the age counts from the exposure to the moment of the read
   RegisterImage never = Scene{}.encoded();
   set_age(never, 5'000'000'000);
   CHECK(never.words[3] == 65535);
-}
-
-TEST_CASE("registers: the CSV file has one line per register, 48 words without gap or overlap") {
-  std::istringstream csv(register_table_csv());
-  std::string line;
-  REQUIRE(std::getline(csv, line));
-  CHECK(line == "address,name,type,scale,unit,description\r");
-  int next = 0;
-  std::vector<std::string> lines;
-  while (std::getline(csv, line)) {
-    lines.push_back(line);
-    const bool is_wide = line.find(",uint32,") != std::string::npos || line.find(",float32,") != std::string::npos;
-    CHECK(line.substr(0, line.find(',')) == std::to_string(next));
-    CHECK(line.ends_with("\"\r"));
-    CHECK(std::count(line.begin(), line.end(), '"') == 2);
-    CHECK(std::all_of(line.begin(), line.end(), [](char c) { return c == '\r' || (c >= ' ' && c <= '~'); }));
-    next += is_wide ? 2 : 1;
-  }
-  CHECK(next == kMeasurementRegisters);
-  REQUIRE(lines.size() == 40);
-  CHECK(lines[5].starts_with("5,touch_x,int16,0.01,mm,\""));
-  CHECK(lines[20].starts_with("20,touch_x_float,float32,1,mm,\""));
-  CHECK(lines[31].starts_with("39,test_constant,uint16,1,,\""));
-}
-
-TEST_CASE("registers: the README's table has the same rows as the CSV file") {
-  const std::string markdown = register_table_markdown();
-  CHECK(std::count(markdown.begin(), markdown.end(), '\n') == 2 + 40);
-  CHECK(markdown.find("| 5 | `touch_x` | int16 | 0.01 | mm | ") != std::string::npos);
-  CHECK(markdown.find("| 20-21 | `touch_x_float` | float32 | 1 | mm | ") != std::string::npos);
-  CHECK(markdown.find("| 47 | `reserved_47` | ") != std::string::npos);
 }

@@ -14,9 +14,16 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
+/// Register i of the block holds 0x1000 + i; the client may write.
 Bytes answer(const Bytes& request) {
+  Control control;
+  DeviceView device{{}, control, 0};
+  for (std::size_t i = 0; i < device.image.words.size(); ++i)
+    device.image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
+  const ClientAccess access{.may_write = true};
+  control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
   std::array<std::uint8_t, kLargestPdu> reply{};
-  const std::size_t length = answer_request(request, reply);
+  const std::size_t length = answer_request(request, device, access, reply);
   return {reply.begin(), reply.begin() + static_cast<std::ptrdiff_t>(length)};
 }
 
@@ -48,15 +55,20 @@ const std::vector<std::string> kAll = {"0=Finsight", "1=FS-1", "2=" FINSIGHT_VER
 TEST_CASE("request: a read passes exactly when the Modbus specification allows it") {
   int wrong = 0;
   for (const int function : {3, 4}) {
-    for (int address = 0; address < 65536; address += address < 60 || address > 65500 ? 1 : 97) {
+    for (int address = 0; address < 65536;
+         address += address < 60 || address > 65500 || (address > 995 && address < 1025) ? 1 : 97) {
       for (const int quantity : {0, 1, 2, 40, 47, 48, 49, 124, 125, 126, 127, 255, 256, 32768, 65535}) {
+        const bool in_control = address >= kControlAddress && address + quantity <= kControlAddress + kControlRegisters;
         Bytes expected;
         if (quantity == 0 || quantity > 125) {
           expected = {static_cast<std::uint8_t>(function + 128), 3};
-        } else if (address + quantity > kMeasurementRegisters) {
+        } else if (address + quantity > kMeasurementRegisters && !in_control) {
           expected = {static_cast<std::uint8_t>(function + 128), 2};
         }
-        if (answer(read_request(function, address, quantity)) != expected) ++wrong;
+        const Bytes reply = answer(read_request(function, address, quantity));
+        const std::size_t length = 2 + 2 * static_cast<std::size_t>(quantity);
+        const bool is_read = reply.size() == length && reply[0] == function && reply[1] == length - 2;
+        if (expected.empty() ? !is_read : reply != expected) ++wrong;
       }
     }
   }
@@ -65,7 +77,7 @@ TEST_CASE("request: a read passes exactly when the Modbus specification allows i
 
 TEST_CASE("request: every other function code gets exception 1, whatever follows it") {
   for (int function = 0; function < 256; ++function) {
-    if (function == 3 || function == 4 || function == 43) continue;
+    if (function == 3 || function == 4 || function == 6 || function == 16 || function == 23 || function == 43) continue;
     for (const std::size_t length : {1U, 5U, 253U}) {
       Bytes request(length, 0xA5);
       request[0] = static_cast<std::uint8_t>(function);
@@ -78,7 +90,7 @@ TEST_CASE("request: a read of the wrong length gets exception 3") {
   for (std::size_t length = 1; length <= kLargestPdu; ++length) {
     Bytes request = read_request(3, 0, 1);
     request.resize(length);
-    CHECK(answer(request) == (length == 5 ? Bytes{} : Bytes{0x83, 3}));
+    CHECK(answer(request) == (length == 5 ? Bytes{3, 2, 0x10, 0x00} : Bytes{0x83, 3}));
   }
 }
 
@@ -122,7 +134,7 @@ TEST_CASE("request: malformed identification gets the exception of its fault") {
   }
 }
 
-TEST_CASE("request: a million random requests get a read, an identification or an exception, nothing else") {
+TEST_CASE("request: a million random requests get a whole reply of their function or an exception") {
   std::uint64_t state = 1;
   const auto random = [&state] {  // splitmix64
     std::uint64_t z = state += 0x9E3779B97F4A7C15U;
@@ -130,27 +142,45 @@ TEST_CASE("request: a million random requests get a read, an identification or a
     z = (z ^ (z >> 27)) * 0x94D049BB133111EBU;
     return z ^ (z >> 31);
   };
-  constexpr std::array<std::uint8_t, 4> kKnown = {3, 4, 43, 16};
+  constexpr std::array<std::uint8_t, 8> kKnown = {3, 4, 6, 16, 23, 43, 6, 16};
   std::array<std::uint8_t, kLargestPdu> request, reply;
-  int odd = 0, reads = 0, identifications = 0;
+  Control control;
+  const DeviceView device{{}, control, 0};
+  const ClientAccess access{.may_write = true};
+  int odd = 0, reads = 0, writes = 0, identifications = 0;
   for (int i = 0; i < 1'000'000; ++i) {
+    control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
     const std::uint64_t bits = random();
-    // Half of them short, of small numbers and known functions, so that the checks behind the first ones are reached
-    // too.
+    // Half of them near to what is right, so that the checks behind the first ones are reached too.
     const bool tame = bits & 1;
-    const std::size_t length = 1 + (bits >> 8) % (tame ? 6 : kLargestPdu);
+    std::size_t length = 1 + (bits >> 8) % (tame ? 6 : kLargestPdu);
     for (std::size_t b = 0; b < length; ++b) request[b] = random() & (tame ? 0x0F : 0xFF);
-    if (tame) request[0] = kKnown[bits >> 1 & 3];
-    const std::size_t answered = answer_request({request.data(), length}, reply);
-    const bool is_read = answered == 0 && (request[0] == 3 || request[0] == 4) && length == 5 && request[1] == 0 &&
-                         request[2] + request[4] <= kMeasurementRegisters && request[3] == 0;
+    if (tame) request[0] = kKnown[bits >> 1 & 7];
+    if (tame && bits & 16) {  // commands and settings
+      request[1] = 0x03;
+      request[2] = static_cast<std::uint8_t>(0xE8 + (bits >> 32) % 22);
+    }
+    if (tame && request[0] == 16 && length == 6) {
+      request[3] = 0;
+      request[4] &= 3;
+      request[5] = static_cast<std::uint8_t>(2 * request[4]);
+      length += request[5];
+      for (std::size_t b = 6; b < length; ++b) request[b] = random() & 0x0F;
+    }
+    const std::size_t answered = answer_request({request.data(), length}, device, access, reply);
+    if (const auto command = control.take_command()) control.finish(CommandResult::kDone);
+    const bool is_read = reply[0] == request[0] && (reply[0] == 3 || reply[0] == 4) && answered == 2U + reply[1];
+    const bool is_write = reply[0] == request[0] && (reply[0] == 6 || reply[0] == 16) && answered == 5;
+    const bool is_both = reply[0] == 23 && request[0] == 23 && answered == 2U + reply[1];
     const bool is_identity = answered > 7 && request[0] == 43 && reply[0] == 43;
     const bool is_exception = answered == 2 && reply[0] == (request[0] | 0x80) && reply[1] >= 1 && reply[1] <= 3;
-    odd += !is_read && !is_identity && !is_exception;
+    odd += !is_read && !is_write && !is_both && !is_identity && !is_exception;
     reads += is_read;
+    writes += is_write;
     identifications += is_identity;
   }
   CHECK(odd == 0);
-  CHECK(reads > 20);
-  CHECK(identifications > 100);
+  CHECK(reads > 100);
+  CHECK(writes > 100);
+  CHECK(identifications > 20);
 }

@@ -96,7 +96,8 @@ class News {
 
 /// Unit 17 on a line of 19200 baud; register i holds 0x1000 + i.
 struct Served {
-  explicit Served(const std::string& device) : line(settings(device), [this](const std::string& n) { news.add(n); }) {
+  explicit Served(const std::string& device)
+      : line(settings(device), control, [this](const std::string& n) { news.add(n); }) {
     RegisterImage image;
     for (std::size_t i = 0; i < image.words.size(); ++i) image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
     line.publish(image);
@@ -108,6 +109,7 @@ struct Served {
     return settings;
   }
   News news;
+  Control control;
   SerialLine line;
 };
 
@@ -127,8 +129,9 @@ TEST_CASE("serial line: reads, refusals and identification get their exact bytes
   CHECK(bus.ask(sealed(hex("11 04 002F 0001")), 7) == sealed(hex("11 04 02 102F")));
   CHECK(bus.ask(sealed(hex("11 03 002F 0002")), 5) == sealed(hex("11 83 02")));
   CHECK(bus.ask(sealed(hex("11 03 0000 007E")), 5) == sealed(hex("11 83 03")));
-  CHECK(bus.ask(sealed(hex("11 06 0001 0003")), 5) == sealed(hex("11 86 01")));
-  CHECK(bus.ask(sealed(hex("11 10 0001 0001 02 0003")), 5) == sealed(hex("11 90 01")));
+  CHECK(bus.ask(sealed(hex("11 06 0001 0003")), 5) == sealed(hex("11 86 02")));
+  CHECK(bus.ask(sealed(hex("11 10 0001 0001 02 0003")), 5) == sealed(hex("11 90 02")));
+  CHECK(bus.ask(sealed(hex("11 07")), 5) == sealed(hex("11 87 01")));
   CHECK(bus.ask(sealed(hex("11 2B 0E 04 00")), 20) == sealed(hex("11 2B 0E 04 82 00 00 01 00 08 'Finsight'")));
 }
 
@@ -144,6 +147,22 @@ TEST_CASE(
     CHECK(bus.ask(unanswered, 1).empty());
     CHECK(bus.ask(kRead, kReply.size()) == kReply);
   }
+}
+
+TEST_CASE("serial line: writes are answered at once, and broadcast ones are carried out without an answer") {
+  const Bus bus;
+  Served served(bus.device());
+  REQUIRE(served.news.wait_for("is open"));
+  const Bytes key = sealed(hex("11 06 03EC 4653"));
+  CHECK(bus.ask(sealed(hex("11 06 03F8 0064")), 5) == sealed(hex("11 86 01")));
+  CHECK(bus.ask(key, 8) == key);
+  CHECK(bus.ask(sealed(hex("11 10 03F2 0002 04 0028 001E")), 8) == sealed(hex("11 10 03F2 0002")));
+  CHECK(bus.ask(sealed(hex("11 17 03F2 0001 03F8 0001 02 0065")), 7) == sealed(hex("11 17 02 0028")));
+  CHECK(bus.ask(sealed(hex("00 10 03F2 0002 04 0032 0031")), 1).empty());
+  CHECK(bus.ask(sealed(hex("00 06 03F8 00C8")), 1).empty());
+  CHECK(bus.ask(sealed(hex("00 03 03F2 0001")), 1).empty());
+  CHECK(bus.ask(sealed(hex("11 03 03F2 0002")), 9) == sealed(hex("11 03 04 0032 0031")));
+  CHECK(bus.ask(sealed(hex("11 03 03F8 0001")), 7) == sealed(hex("11 03 02 00C8")));
 }
 
 TEST_CASE("serial line: a request right after another unit's answer is heard, and one in pieces") {
@@ -199,7 +218,7 @@ TEST_CASE("serial line: libmodbus as a master reads the block") {
   CHECK(modbus_read_input_registers(master.get(), 48, 1, words) == -1);
   CHECK(errno == EMBXILADD);
   CHECK(modbus_write_register(master.get(), 0, 1) == -1);
-  CHECK(errno == EMBXILFUN);
+  CHECK(errno == EMBXILADD);
   stop = true;
   wire.join();
 }

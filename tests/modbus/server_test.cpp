@@ -27,19 +27,21 @@ namespace {
 /// A server on a free port whose register i holds 0x1000 + i.
 class Served {
  public:
-  explicit Served(ModbusSettings settings = {}) : server_(on_any_port(std::move(settings))) {
+  explicit Served(ModbusSettings settings = {}) : server_(on_any_port(std::move(settings)), control_) {
     RegisterImage image;
     for (std::size_t i = 0; i < image.words.size(); ++i) image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
     server_.publish(image);
   }
   int port() const { return server_.port(); }
   ModbusServer& operator*() { return server_; }
+  Control& control() { return control_; }
 
  private:
   static ModbusSettings on_any_port(ModbusSettings settings) {
     settings.port = 0;
     return settings;
   }
+  Control control_;
   ModbusServer server_;
 };
 
@@ -89,18 +91,19 @@ const std::vector<Exchange>& exchanges() {
       {"read coils", hex("0015 0000 0006 01 01 0000 0001"), hex("0015 0000 0003 01 81 01")},
       {"read discrete inputs", hex("0016 0000 0006 01 02 0000 0001"), hex("0016 0000 0003 01 82 01")},
       {"write coil", hex("0017 0000 0006 01 05 0000 FF00"), hex("0017 0000 0003 01 85 01")},
-      {"write register", hex("0018 0000 0006 01 06 0000 0001"), hex("0018 0000 0003 01 86 01")},
+      {"write a measurement", hex("0018 0000 0006 01 06 0000 0001"), hex("0018 0000 0003 01 86 02")},
       {"read exception status", hex("0019 0000 0002 01 07"), hex("0019 0000 0003 01 87 01")},
       {"diagnostics", hex("001A 0000 0006 01 08 0000 A537"), hex("001A 0000 0003 01 88 01")},
       {"write coils", hex("001B 0000 0008 01 0F 0000 0008 01 FF"), hex("001B 0000 0003 01 8F 01")},
-      {"write registers", hex("001C 0000 0009 01 10 0000 0001 02 0001"), hex("001C 0000 0003 01 90 01")},
+      {"write measurements", hex("001C 0000 0009 01 10 0000 0001 02 0001"), hex("001C 0000 0003 01 90 02")},
       {"report server id", hex("001D 0000 0002 01 11"), hex("001D 0000 0003 01 91 01")},
       {"mask write", hex("001E 0000 0008 01 16 0000 0000 0000"), hex("001E 0000 0003 01 96 01")},
-      {"read and write", hex("001F 0000 000D 01 17 0000 0001 0000 0001 02 0001"), hex("001F 0000 0003 01 97 01")},
+      {"read and write a measurement", hex("001F 0000 000D 01 17 0000 0001 0000 0001 02 0001"),
+       hex("001F 0000 0003 01 97 02")},
       {"function 0", hex("0020 0000 0002 01 00"), hex("0020 0000 0003 01 80 01")},
       {"an exception as a request", hex("0021 0000 0003 01 83 02"), hex("0021 0000 0003 01 83 01")},
       {"function 255", hex("0022 0000 0002 01 FF"), hex("0022 0000 0003 01 FF 01")},
-      {"longest request", hex("0023 0000 00FE 01 10") + Bytes(252, 0xFF), hex("0023 0000 0003 01 90 01")},
+      {"longest request", hex("0023 0000 00FE 01 10") + Bytes(252, 0xFF), hex("0023 0000 0003 01 90 03")},
       {"identification, basic", hex("0024 0000 0005 01 2B 0E 01 00"),
        hex("0024 0000 001F 01 2B 0E 01 82 00 00 03 " + kBasicObjects)},
       {"identification, regular", hex("0025 0000 0005 01 2B 0E 02 00"),
@@ -112,6 +115,29 @@ const std::vector<Exchange>& exchanges() {
       {"identification, unknown object", hex("0028 0000 0005 01 2B 0E 04 03"), hex("0028 0000 0003 01 AB 02")},
       {"identification, unknown code", hex("0029 0000 0005 01 2B 0E 05 00"), hex("0029 0000 0003 01 AB 03")},
       {"identification too short", hex("002A 0000 0003 01 2B 0E"), hex("002A 0000 0003 01 AB 03")},
+      {"settings", hex("002C 0000 0006 01 03 03F2 0003"), hex("002C 0000 0009 01 03 06 0014 000A 00C8")},
+      {"last setting", hex("002D 0000 0006 01 04 03FD 0001"), hex("002D 0000 0005 01 04 02 0000")},
+      {"before the commands", hex("002E 0000 0006 01 03 03E7 0002"), hex("002E 0000 0003 01 83 02")},
+      {"behind the settings", hex("002F 0000 0006 01 03 03FD 0002"), hex("002F 0000 0003 01 83 02")},
+      {"a locked write", hex("0030 0000 0006 01 06 03F2 0032"), hex("0030 0000 0003 01 86 01")},
+      {"the wrong key", hex("0031 0000 0006 01 06 03EC 0001"), hex("0031 0000 0003 01 86 03")},
+      {"the key", hex("0032 0000 0006 01 06 03EC 4653"), hex("0032 0000 0006 01 06 03EC 4653")},
+      {"a write", hex("0033 0000 0006 01 06 03F2 0032"), hex("0033 0000 0006 01 06 03F2 0032")},
+      {"a write of two", hex("0034 0000 000B 01 10 03F2 0002 04 0014 000A"), hex("0034 0000 0006 01 10 03F2 0002")},
+      {"a write without its bytes", hex("0035 0000 0009 01 10 03F2 0002 02 0014"), hex("0035 0000 0003 01 90 03")},
+      {"a write of none", hex("0036 0000 0007 01 10 03F2 0000 00"), hex("0036 0000 0003 01 90 03")},
+      {"a write of 124", hex("0037 0000 00FE 01 10 03F2 007C F8") + Bytes(247, 0), hex("0037 0000 0003 01 90 03")},
+      {"a write of what is read only", hex("0038 0000 0006 01 06 03EA 0001"), hex("0038 0000 0003 01 86 02")},
+      {"a write over a gap", hex("0039 0000 000D 01 10 03E8 0003 06 0000 0000 0000"), hex("0039 0000 0003 01 90 02")},
+      {"a wrong value", hex("003A 0000 0006 01 06 03F8 2711"), hex("003A 0000 0003 01 86 03")},
+      {"on not above off", hex("003B 0000 0006 01 06 03F2 000A"), hex("003B 0000 0003 01 86 03")},
+      {"write and read", hex("003C 0000 000D 01 17 03F2 0001 03F2 0001 02 0032"), hex("003C 0000 0005 01 17 02 0032")},
+      {"write and read what is not there", hex("003D 0000 000D 01 17 0030 0001 03F2 0001 02 0014"),
+       hex("003D 0000 0003 01 97 02")},
+      {"so nothing was written", hex("003E 0000 0006 01 03 03F2 0001"), hex("003E 0000 0005 01 03 02 0032")},
+      {"as it was", hex("003F 0000 0006 01 06 03F2 0014"), hex("003F 0000 0006 01 06 03F2 0014")},
+      {"a wrong key locks", hex("0040 0000 0006 01 06 03EC 0001"), hex("0040 0000 0003 01 86 03")},
+      {"locked again", hex("0041 0000 0006 01 06 03F2 0014"), hex("0041 0000 0003 01 86 01")},
       {"another encapsulated interface", hex("002B 0000 0005 01 2B 0D 01 00"), hex("002B 0000 0003 01 AB 01")},
   };
   return list;
@@ -188,7 +214,8 @@ TEST_CASE("server: a header that is not Modbus closes that client after the requ
 TEST_CASE("server: before the first result there is a block, not ready and without values") {
   ModbusSettings settings;
   settings.port = 0;
-  ModbusServer server(settings);
+  Control control;
+  ModbusServer server(settings, control);
   Connection client(server.port());
   const Bytes reply = client.ask(hex("0001 0000 0006 01 03 0000 0030"), 9 + 96);
   REQUIRE(reply.size() == 9 + 96);
@@ -384,7 +411,8 @@ TEST_CASE("server: a port in use is refused, naming address and port") {
   for (const char* address : {"127.0.0.1", "0.0.0.0"}) {
     settings.address = address;
     try {
-      ModbusServer second(settings);
+      Control control;
+      ModbusServer second(settings, control);
       FAIL("two servers on one port");
     } catch (const std::system_error& error) {
       CHECK(error.code() == std::errc::address_in_use);
@@ -396,24 +424,89 @@ TEST_CASE("server: a port in use is refused, naming address and port") {
 TEST_CASE("server: an address that is not IPv4 or not of this machine is refused by name") {
   ModbusSettings settings;
   settings.port = 0;
+  Control control;
   for (const char* address : {"", "plc.local", "::1", "1.2.3", "203.0.113.7"}) {
     settings.address = address;
-    CHECK_THROWS_WITH_AS(ModbusServer{settings}, doctest::Contains("Modbus cannot listen on"), std::system_error);
+    CHECK_THROWS_WITH_AS(ModbusServer(settings, control), doctest::Contains("Modbus cannot listen on"),
+                         std::system_error);
   }
 }
 
 TEST_CASE("server: a restart takes its port over at once, although old connections linger") {
   ModbusSettings settings;
   settings.port = 0;
-  auto server = std::make_unique<ModbusServer>(settings);
+  Control control;
+  auto server = std::make_unique<ModbusServer>(settings, control);
   settings.port = server->port();
   Connection client(settings.port);
   REQUIRE(client.ask(kReadOne, kReadOneReply.size()).size() == kReadOneReply.size());
   server.reset();
   CHECK(client.is_closed_by_server());
-  server = std::make_unique<ModbusServer>(settings);
+  server = std::make_unique<ModbusServer>(settings, control);
   Connection next(settings.port);
   CHECK(next.ask(kReadOne, kReadOneReply.size()).size() == kReadOneReply.size());
+}
+
+TEST_CASE("server: while a command runs, other writes are busy") {
+  Served served;
+  Connection client(served.port());
+  const auto ask = [&](const std::string& request, const std::string& reply) {
+    CHECK(client.ask(hex(request), hex(reply).size()) == hex(reply));
+  };
+  ask("0001 0000 0006 01 06 03EC 4653", "0001 0000 0006 01 06 03EC 4653");
+  ask("0002 0000 000B 01 10 03E8 0002 04 0001 0007", "0002 0000 0006 01 10 03E8 0002");
+  ask("0003 0000 0006 01 06 03F8 0064", "0003 0000 0003 01 86 06");
+  ask("0004 0000 000B 01 10 03E8 0002 04 0002 0008", "0004 0000 0003 01 90 06");
+  ask("0005 0000 000B 01 10 03E8 0002 04 0001 0007", "0005 0000 0006 01 10 03E8 0002");  // the same again
+  ask("0006 0000 0006 01 03 03E8 0004", "0006 0000 000B 01 03 08 0001 0007 0000 0000");
+  CHECK(served.control().take_command() == Command::kZero);
+  served.control().finish(CommandResult::kNotPossible);
+  ask("0007 0000 0006 01 03 03E8 0004", "0007 0000 000B 01 03 08 0001 0007 0007 0001");
+  ask("0008 0000 0006 01 06 03F8 0064", "0008 0000 0006 01 06 03F8 0064");
+}
+
+TEST_CASE("server: a unit of its own is answered, with 0 and 255, and no other") {
+  ModbusSettings settings;
+  settings.unit = 17;
+  Served served(settings);
+  Connection client(served.port());
+  for (int unit = 0; unit < 256; ++unit) {
+    Bytes request = kReadOne, reply = kReadOneReply;
+    request[6] = reply[6] = static_cast<std::uint8_t>(unit);
+    if (unit == 0 || unit == 17 || unit == 255) {
+      CHECK(client.ask(request, reply.size()) == reply);
+    } else {
+      REQUIRE(client.send(request));
+    }
+  }
+  CHECK(client.ask(kReadOne, 0).empty());
+}
+
+TEST_CASE("server: clients that are not on the list are closed, and those that may only read cannot unlock") {
+  ModbusSettings settings;
+  settings.allow = {*Network::parse("10.0.0.0/8"), *Network::parse("127.0.0.2")};
+  Served closed(settings);
+  Connection stranger(closed.port());
+  CHECK_FALSE(is_answered(stranger));
+  settings.allow = {*Network::parse("127.0.0.0/8")};
+  settings.allow_writes = {*Network::parse("127.0.0.2")};
+  Served readable(settings);
+  Connection reader(readable.port());
+  CHECK(is_answered(reader));
+  CHECK(reader.ask(hex("0001 0000 0006 01 06 03EC 4653"), 9) == hex("0001 0000 0003 01 86 01"));
+}
+
+TEST_CASE("server: the key counts for all connections of its client, and for no other client") {
+  ModbusSettings settings;
+  settings.address = "0.0.0.0";
+  Served served(settings);
+  Connection first(served.port()), second(served.port()), stranger(served.port(), 0, "127.0.0.2");
+  const Bytes key = hex("0001 0000 0006 01 06 03EC 4653"), write = hex("0001 0000 0006 01 06 03F8 0064");
+  CHECK(first.ask(key, key.size()) == key);
+  CHECK(second.ask(write, write.size()) == write);
+  CHECK(stranger.ask(write, 9) == hex("0001 0000 0003 01 86 01"));
+  CHECK(first.ask(hex("0001 0000 0006 01 03 03EC 0001"), 11) == hex("0001 0000 0005 01 03 02 001E"));
+  CHECK(stranger.ask(hex("0001 0000 0006 01 03 03EC 0001"), 11) == hex("0001 0000 0005 01 03 02 0000"));
 }
 
 TEST_CASE("server: libmodbus as a client reads the block and understands the refusals") {
@@ -430,7 +523,17 @@ TEST_CASE("server: libmodbus as a client reads the block and understands the ref
   CHECK(modbus_read_registers(client.get(), 40, 9, words.data()) == -1);
   CHECK(errno == EMBXILADD);
   CHECK(modbus_write_register(client.get(), 0, 1) == -1);
-  CHECK(errno == EMBXILFUN);
+  CHECK(errno == EMBXILADD);
+  CHECK(modbus_write_register(client.get(), 1016, 100) == -1);
+  CHECK(errno == EMBXILFUN);  // locked
+  CHECK(modbus_write_register(client.get(), 1004, kDefaultWriteKey) == 1);
+  CHECK(modbus_write_register(client.get(), 1016, 100) == 1);
+  const std::array<std::uint16_t, 2> pair = {300, 250};
+  CHECK(modbus_write_registers(client.get(), 1012, 2, pair.data()) == 2);
+  CHECK(modbus_write_and_read_registers(client.get(), 1018, 1, pair.data(), 1012, 7, words.data()) == 7);
+  CHECK(std::vector<int>(words.begin(), words.begin() + 7) == std::vector<int>{300, 250, 1000, 900, 100, 0, 300});
+  CHECK(modbus_write_register(client.get(), 1016, 10001) == -1);
+  CHECK(errno == EMBXILVAL);
   std::array<std::uint8_t, 125> bytes{};
   CHECK(modbus_report_slave_id(client.get(), 125, bytes.data()) == -1);
   CHECK(errno == EMBXILFUN);

@@ -36,7 +36,8 @@ struct Recorder {
   int objects = 0;  // allocated and not freed
   gpiod_line_config config;
   std::string consumer;
-  bool requested = false, refuses = false;
+  int requested = 0;
+  bool refuses = false, trigger = false;
   std::vector<std::vector<bool>> sets;
 };
 Recorder recorder;
@@ -54,9 +55,9 @@ void freed(T* object) {
 }
 
 GpioSettings settings() {
-  GpioSettings result{.chip = "/dev/gpiochip0", .consumer = "finsight", .lines = {}};
-  result.lines[kContactOutput] = OutputLine{.name = "TOUCH", .number = 0, .active_low = false, .safe_active = true};
-  result.lines[kHealthyOutput] = OutputLine{.name = "", .number = 5, .active_low = true, .safe_active = false};
+  GpioSettings result{.chip = "/dev/gpiochip0", .consumer = "finsight", .lines = {}, .trigger = std::nullopt};
+  result.lines[kContactOutput] = OutputLine{{.name = "TOUCH", .number = 0, .active_low = false}, true};
+  result.lines[kHealthyOutput] = OutputLine{{.name = "", .number = 5, .active_low = true}, false};
   return result;
 }
 
@@ -119,12 +120,15 @@ void gpiod_request_config_set_consumer(gpiod_request_config* config, const char*
 gpiod_line_request* gpiod_chip_request_lines(gpiod_chip*, gpiod_request_config* request, gpiod_line_config* config) {
   recorder.config = *config;
   recorder.consumer = request->consumer;
-  recorder.requested = true;
+  ++recorder.requested;
   return made<gpiod_line_request>();
 }
 void gpiod_line_request_release(gpiod_line_request* request) {
-  recorder.requested = false;
+  --recorder.requested;
   freed(request);
+}
+gpiod_line_value gpiod_line_request_get_value(gpiod_line_request*, unsigned offset) {
+  return recorder.trigger && offset == 6 ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE;
 }
 int gpiod_line_request_set_values(gpiod_line_request*, const gpiod_line_value* values) {
   if (recorder.refuses) return -1;
@@ -156,20 +160,42 @@ TEST_CASE("gpio: levels go to the lines that exist, all at once; at the end they
   recorder = {};
   {
     const auto gpio = open_gpio(settings());
-    CHECK(gpio->set({false, true, true}));
-    CHECK(gpio->set({true, true, false}));
+    CHECK(gpio->set({false, true, true, true}));
+    CHECK(gpio->set({true, true, false, true}));
     CHECK(recorder.requested);
   }
   CHECK(recorder.sets == std::vector<std::vector<bool>>{{false, true}, {true, false}, {true, false}});
-  CHECK(!recorder.requested);
+  CHECK(recorder.requested == 0);
   CHECK(recorder.objects == 0);
+}
+
+TEST_CASE("gpio: the trigger is an input of its own request, and read by its line") {
+  recorder = {};
+  GpioSettings with_trigger = settings();
+  with_trigger.trigger = GpioLine{.name = "", .number = 6, .active_low = true};
+  {
+    const auto gpio = open_gpio(with_trigger);
+    CHECK(recorder.requested == 2);
+    REQUIRE(recorder.config.lines.size() == 1);
+    CHECK(recorder.config.lines[0].first == 6);
+    CHECK(recorder.config.lines[0].second.direction == GPIOD_LINE_DIRECTION_INPUT);
+    CHECK(recorder.config.lines[0].second.active_low);
+    CHECK(!gpio->trigger());
+    recorder.trigger = true;
+    CHECK(gpio->trigger());
+  }
+  CHECK(recorder.requested == 0);
+  CHECK(recorder.objects == 0);
+  with_trigger.trigger->number = 5;
+  CHECK(says(refusal(with_trigger), "gpio.trigger: is the line of healthy"));
+  CHECK(!open_gpio(settings())->trigger());
 }
 
 TEST_CASE("gpio: a chip that refuses is noticed") {
   recorder = {};
   const auto gpio = open_gpio(settings());
   recorder.refuses = true;
-  CHECK(!gpio->set({true, true, true}));
+  CHECK(!gpio->set({true, true, true, true}));
 }
 
 TEST_CASE("gpio: what does not exist, is in use or named twice is refused by name, and nothing is left behind") {

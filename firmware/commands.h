@@ -1,0 +1,42 @@
+// Carries out what clients order: between the registers from 1000 on and the parts of the firmware.
+#pragma once
+
+#include <optional>
+
+#include "firmware/frame_loop.h"
+#include "firmware/modbus/control.h"
+#include "firmware/recorder.h"
+#include "firmware/saved_state.h"
+
+namespace finsight {
+
+/// For the frame loop's thread: turn() before every frame. Neither allocates nor waits.
+class Commands {
+ public:
+  /// Without a saver or recorder their commands end as "not configured". `saved` is what the disk holds.
+  Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved);
+
+  void turn();
+  /// The command of setting 1021, unless another one is running.
+  void trigger();
+  bool reset_is_ordered() const { return reset_is_ordered_; }
+
+ private:
+  std::optional<CommandResult> start(Command command);
+  std::optional<CommandResult> outcome();
+  std::optional<CommandResult> record(bool start);
+  SavedState current() const { return {settings_, loop_.zeroing().zero()}; }
+
+  Control& control_;
+  FrameLoop& loop_;
+  StateSaver* saver_;
+  Recorder* recorder_;
+  LiveSettings settings_;
+  SavedState saved_, saving_;
+  Command running_ = Command::kNone;
+  bool is_running_ = false, is_ordered_ = false;  ///< by a client, who then hears of its end
+  bool zero_changed_ = false;
+  bool reset_is_ordered_ = false;
+};
+
+}  // namespace finsight

@@ -1,0 +1,85 @@
+// Commands and settings on their way from clients to the frame loop, and results back.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <span>
+
+#include "firmware/modbus/latest.h"
+#include "firmware/modbus/registers.h"
+
+namespace finsight {
+
+/// Register 1000. Part of the interface: never renumber.
+enum class Command : std::uint16_t { kNone, kZero, kSave, kClearFault, kRecord, kStopRecording, kReset, kFactory };
+
+/// Register 1003.
+enum class CommandResult : std::uint16_t { kDone, kNotPossible, kNotConfigured, kFailed };
+
+/// What the Modbus Application Protocol V1.1b3 (section 7) calls them.
+enum class Exception : std::uint8_t {
+  kNone = 0,
+  kIllegalFunction = 1,  ///< also: "the server is in the wrong state to process a request of this type"
+  kIllegalAddress = 2,
+  kIllegalValue = 3,
+  kBusy = 6
+};
+
+/// Who a request comes from.
+struct ClientAccess {
+  bool may_write = false;     ///< by its address
+  std::uint32_t address = 0;  ///< IPv4, host byte order; 0: the serial line. What the key unlocks is unlocked for it.
+};
+
+inline constexpr std::uint16_t kDefaultWriteKey = 18003;  // "FS"
+inline constexpr std::int64_t kUnlocked_ns = 30'000'000'000;
+
+/// The registers from 1000 on. Clients' threads read and write them; one thread, the frame loop's, takes what they
+/// order and never waits. One command at a time: while it runs, other writes are refused as busy.
+class Control {
+ public:
+  explicit Control(std::uint16_t key = kDefaultWriteKey, const LiveSettings& factory = {})
+      : Control(key, factory, factory) {}
+  Control(std::uint16_t key, const LiveSettings& factory, const LiveSettings& current)
+      : key_(key), factory_(factory), settings_(current), to_loop_(current) {}
+
+  /// For clients' threads. `first` is an address; all `words` lie inside the block.
+  void read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
+  /// All or nothing. Judged in this order: address, lock, busy, values.
+  Exception write(int first, std::span<const std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
+
+  /// For the frame loop's thread, wait-free.
+  const LiveSettings& settings() { return to_loop_.read(); }
+  std::optional<Command> take_command();  ///< the one that was ordered; then finish() must be called, once
+  void finish(CommandResult result);
+  void show_recording(std::uint16_t state) { recording_ = state; }  ///< register 1005
+  const LiveSettings& factory() const { return factory_; }
+
+ private:
+  Exception write_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns);
+  std::int64_t unlocked_until_ns(std::uint32_t client) const;
+  std::uint16_t word(int address, const ClientAccess& access, std::int64_t now_ns) const;
+
+  static constexpr std::uint32_t kNoOrder = 0xFFFF'FFFF;
+  const std::uint16_t key_;
+  const LiveSettings factory_;
+  std::mutex mutex_;  ///< among clients' threads
+  struct Unlocked {
+    std::uint32_t client = 0;
+    std::int64_t until_ns = 0;
+  };
+  std::array<Unlocked, 16> unlocked_;  ///< the last ones; who writes the key when it is full takes the oldest's place
+  LiveSettings settings_;
+  std::uint16_t command_ = 0, sequence_ = 0;
+  Latest<LiveSettings> to_loop_;
+  std::atomic<std::uint32_t> order_{kNoOrder};
+  std::uint16_t taken_sequence_ = 0;      ///< of the running command
+  std::atomic<bool> busy_{false};         ///< from the order to the result
+  std::atomic<std::uint32_t> result_{0};  ///< sequence << 16 | result
+  std::atomic<std::uint16_t> recording_{0};
+};
+
+}  // namespace finsight

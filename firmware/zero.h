@@ -1,0 +1,52 @@
+// Zeroing: the finger as it is now is the finger at rest. Takes up how the camera sits and what the silicone kept.
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "firmware/types.h"
+
+namespace finsight {
+
+/// Where the plates are when nothing touches the finger.
+using ZeroPose = std::array<PlateMotion, kPlates>;
+
+/// Measures a zero as the mean of some frames, and takes it off every measurement.
+class Zeroing {
+ public:
+  static constexpr int kFrames = 16;                 ///< of the mean: noise falls to a quarter
+  static constexpr int kLongest = 120;               ///< frames, after which a finger that is never seen is given up
+  static constexpr float kFurthest_mm = 3;           ///< more is a touch or a wrong finger, no way of sitting
+  static constexpr float kLargest_rotation = 0.15F;  ///< radians; the same
+  static constexpr float kStill_mm = 0.3F;           ///< what a plate may move meanwhile: five times the noise
+
+  void begin() {
+    *this = Zeroing(zero_);
+    running_ = true;
+  }
+  /// Of the measurement that was begun, once: whether there is a new zero.
+  std::optional<bool> take_outcome();
+
+  /// A frame's measured poses; they come back relative to the zero.
+  void process(PlatePoses& poses);
+
+  const std::optional<ZeroPose>& zero() const { return zero_; }
+  void set_zero(const std::optional<ZeroPose>& zero) { zero_ = zero; }
+
+  Zeroing() = default;
+
+ private:
+  explicit Zeroing(const std::optional<ZeroPose>& zero) : zero_(zero) {}
+  void observe(const PlatePoses& poses);
+  bool is_usable(const PlatePoses& poses) const;
+  void end(bool done);
+
+  std::optional<ZeroPose> zero_;
+  bool running_ = false;
+  int frames_ = 0, tries_ = 0;
+  PlatePoses first_;
+  ZeroPose sum_;
+  std::optional<bool> outcome_;
+};
+
+}  // namespace finsight

@@ -1,0 +1,113 @@
+#include "firmware/modbus/control.h"
+
+#include <doctest/doctest.h>
+
+#include <vector>
+
+#include "firmware/modbus/network.h"
+
+using namespace finsight;
+
+namespace {
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+struct Client {
+  explicit Client(Control& shared, std::uint32_t address = 1) : control(shared), access{true, address} {}
+  Exception write(int first, const std::vector<std::uint16_t>& words, std::int64_t now_ns = 0) {
+    return control.write(first, words, access, now_ns);
+  }
+  std::uint16_t read(int address, std::int64_t now_ns = 0) {
+    std::uint16_t word = 0;
+    control.read(address, {&word, 1}, access, now_ns);
+    return word;
+  }
+  Control& control;
+  ClientAccess access;
+};
+
+}  // namespace
+
+TEST_CASE("control: the key unlocks for 30 seconds, counted from its last writing") {
+  Control control(4711);
+  Client client(control);
+  CHECK(client.write(1016, {100}) == Exception::kIllegalFunction);
+  CHECK(client.write(1004, {4711}) == Exception::kNone);
+  CHECK(client.write(1016, {100}, 29 * kSecond) == Exception::kNone);
+  CHECK(client.read(1004, 29 * kSecond) == 1);
+  CHECK(client.write(1004, {4711}, 29 * kSecond) == Exception::kNone);
+  CHECK(client.write(1016, {101}, 58 * kSecond) == Exception::kNone);
+  CHECK(client.write(1016, {102}, 59 * kSecond) == Exception::kIllegalFunction);
+  CHECK(client.read(1004, 60 * kSecond) == 0);
+  CHECK(client.read(1016) == 101);
+}
+
+TEST_CASE("control: as many clients as write the key are unlocked, the oldest of too many is not") {
+  Control control;
+  for (std::uint32_t n = 1; n <= 17; ++n)
+    CHECK(Client(control, n).write(1004, {kDefaultWriteKey}, n) == Exception::kNone);
+  CHECK(Client(control, 1).write(1016, {100}, 18) == Exception::kIllegalFunction);
+  for (std::uint32_t n = 2; n <= 17; ++n) CHECK(Client(control, n).write(1016, {100}, 18) == Exception::kNone);
+}
+
+TEST_CASE("control: several settings are judged together, and none is taken of a wrong set") {
+  Control control;
+  Client client(control);
+  client.write(1004, {kDefaultWriteKey});
+  CHECK(client.write(1010, {9, 8}) == Exception::kNone);  // each alone would cross the other
+  CHECK(client.write(1010, {50, 60}) == Exception::kIllegalValue);
+  CHECK(client.write(1012, {300, 250, 1500, 1600}) == Exception::kIllegalValue);
+  CHECK(client.read(1012) == 200);
+  CHECK(control.settings()[kContactOn] == 9);
+  CHECK(control.settings()[kGentleOn] == 200);
+}
+
+TEST_CASE("control: a command's code alone starts nothing; its number does, once") {
+  Control control;
+  Client client(control);
+  client.write(1004, {kDefaultWriteKey});
+  CHECK(client.write(1000, {2}) == Exception::kNone);
+  CHECK_FALSE(control.take_command());
+  CHECK(client.write(1001, {1}) == Exception::kNone);
+  CHECK(control.take_command() == Command::kSave);
+  CHECK_FALSE(control.take_command());
+  control.finish(CommandResult::kFailed);
+  CHECK(client.read(1002) == 1);
+  CHECK(client.read(1003) == 3);
+  CHECK(client.write(1001, {1}) == Exception::kNone);
+  CHECK_FALSE(control.take_command());
+  CHECK(client.write(1000, {8, 2}) == Exception::kIllegalValue);
+  CHECK_FALSE(control.take_command());
+  CHECK(client.read(1001) == 1);
+}
+
+TEST_CASE("control: of two clients one is busy") {
+  Control control;
+  Client first(control, 1), second(control, 2);
+  first.write(1004, {kDefaultWriteKey});
+  second.write(1004, {kDefaultWriteKey});
+  CHECK(first.write(1000, {1, 5}) == Exception::kNone);
+  CHECK(second.write(1000, {1, 6}) == Exception::kBusy);
+  CHECK(second.write(1016, {5}) == Exception::kBusy);
+  CHECK(control.take_command() == Command::kZero);
+  CHECK(second.write(1000, {1, 6}) == Exception::kBusy);
+  control.finish(CommandResult::kDone);
+  CHECK(second.write(1000, {1, 6}) == Exception::kNone);
+}
+
+TEST_CASE("network: addresses and networks contain what they say") {
+  const auto contains = [](const char* list, std::uint32_t client) { return Network::parse(list)->contains(client); };
+  CHECK(contains("192.168.0.7", 0xC0A80007));
+  CHECK_FALSE(contains("192.168.0.7", 0xC0A80008));
+  CHECK(contains("192.168.0.0/24", 0xC0A800FF));
+  CHECK(contains("192.168.0.9/24", 0xC0A80001));
+  CHECK_FALSE(contains("192.168.0.0/24", 0xC0A80100));
+  CHECK(contains("0.0.0.0/0", 0x08080808));
+  for (const char* wrong : {"", "1.2.3", "1.2.3.4/33", "1.2.3.4/", "1.2.3.4/-1", "plc", "1.2.3.4/24x", "::1"}) {
+    CAPTURE(wrong);
+    CHECK_FALSE(Network::parse(wrong));
+  }
+  CHECK_FALSE(Network::parse(std::string("1.2.3.4\0", 8)));
+  CHECK(is_listed({}, 1));
+  CHECK_FALSE(is_listed({*Network::parse("10.0.0.0/8")}, 1));
+}

@@ -1,0 +1,183 @@
+#!/usr/bin/python3
+"""Modbus clients that we did not write, and finsightctl, against a running finsightd.
+
+usage: modbus_clients.py BINARY_DIR SOURCE_DIR [unittest arguments]
+npm's modbus-serial is used where FINSIGHT_NODE_MODULES names a node_modules folder that has it.
+"""
+import csv
+import os
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+from pymodbus.client import ModbusTcpClient
+
+from end_to_end import PACK, SESSION, SOURCE, Firmware, prepare, run, session_source
+from register_block import Block, Reader
+
+KEY = 18003
+
+
+def firmware(folder, more=""):
+    storage = f'[storage]\nsettings = "{folder}/settings.toml"\nrecordings = "{folder}/recordings"'
+    return Firmware(session_source() + "\n" + storage + more)
+
+
+def ctl(port, *words):
+    return run(SOURCE / "scripts" / "finsightctl", words[0], "127.0.0.1", *words[1:], "--port", port)
+
+
+class Clients(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.firmware = firmware(self.folder.name).__enter__()
+        self.addCleanup(self.firmware.__exit__)
+        self.port = self.firmware.port
+        Reader(self.port).close()
+
+    def wait_for(self, read, is_right):
+        """A setting counts from the next frame on, which a busy machine may take its time for."""
+        deadline = time.monotonic() + 20
+        while not is_right(answer := read()):
+            self.assertLess(time.monotonic(), deadline, answer)
+            time.sleep(0.02)
+        return answer
+
+    def test_mbpoll_reads_settings_is_refused_and_writes_when_unlocked(self):
+        def mbpoll(*words):
+            return run("mbpoll", "-m", "tcp", "-0", "-1", "-q", "-p", self.port, *words)
+        answer = mbpoll("-t", "4", "-r", 1016, "127.0.0.1")
+        self.assertIn("200", answer.stdout)
+        refused = mbpoll("-t", "4", "-r", 1016, "127.0.0.1", 100)
+        self.assertNotEqual(refused.returncode, 0)
+        self.assertIn("Illegal function", refused.stdout + refused.stderr)
+        self.assertEqual(mbpoll("-t", "4", "-r", 1004, "127.0.0.1", KEY).returncode, 0)
+        self.assertEqual(mbpoll("-t", "4", "-r", 1016, "127.0.0.1", 100).returncode, 0)
+        self.assertIn("100", mbpoll("-t", "4", "-r", 1016, "127.0.0.1").stdout)
+        floats = mbpoll("-t", "4:hex", "-r", 46, "-c", 2, "127.0.0.1").stdout
+        self.assertIn("0x1234", floats)
+        self.assertIn("0x5678", floats)
+
+    def test_pymodbus_reads_writes_and_sees_both_word_orders(self):
+        client = ModbusTcpClient("127.0.0.1", port=self.port, timeout=2)
+        self.assertTrue(client.connect())
+        self.assertEqual(client.write_register(1016, 100, slave=1).exception_code, 1)
+        self.assertFalse(client.write_register(1004, KEY, slave=1).isError())
+        self.assertFalse(client.write_registers(1012, [300, 250], slave=1).isError())
+        both = client.readwrite_registers(read_address=1012, read_count=3, write_address=1016, write_registers=[123],
+                                          slave=1)
+        self.assertEqual(both.registers, [300, 250, 1000])
+        self.assertEqual(client.read_input_registers(1016, 1, slave=1).registers, [123])
+        self.assertEqual(client.write_registers(1010, [10, 10], slave=1).exception_code, 3)
+        self.assertEqual(client.write_register(1002, 10, slave=1).exception_code, 2)
+        self.assertEqual(client.read_coils(0, 1, slave=1).exception_code, 1)
+        for order, code in (("ABCD", 0), ("CDAB", 1)):
+            self.assertFalse(client.write_register(1019, code, slave=1).isError())
+            expected = [0x1234, 0x5678] if order == "ABCD" else [0x5678, 0x1234]
+            words = self.wait_for(lambda: client.read_holding_registers(0, 48, slave=1).registers,
+                                  lambda words: words[46:48] == expected and Block(words).has(3))
+            block = Block(words)  # its level is in per mille of 6 mm
+            self.assertAlmostEqual(block.float_at(28, order), 0.006 * block.deformation_permille, delta=0.004)
+        from pymodbus.mei_message import ReadDeviceInformationRequest
+        identity = client.execute(ReadDeviceInformationRequest(read_code=1, object_id=0, unit=1))
+        self.assertEqual(identity.information[0], b"Finsight")
+        client.close()
+
+    def test_modbus_serial_of_npm(self):
+        modules = os.environ.get("FINSIGHT_NODE_MODULES")
+        if not modules:
+            self.skipTest("FINSIGHT_NODE_MODULES names no node_modules folder")
+        program = f"""
+const ModbusRTU = require('modbus-serial');
+(async () => {{
+  const client = new ModbusRTU();
+  await client.connectTCP('127.0.0.1', {{port: {self.port}}});
+  client.setID(1);
+  client.setTimeout(2000);
+  const block = await client.readHoldingRegisters(0, 48);
+  const long = await client.readInputRegisters(46, 2);
+  let refused = 0;
+  try {{ await client.writeRegister(1016, 100); }} catch (error) {{ refused = error.modbusCode; }}
+  await client.writeRegister(1004, {KEY});
+  await client.writeRegisters(1012, [310, 260]);
+  const read = await client.readHoldingRegisters(1012, 2);
+  const identity = await client.readDeviceIdentification(1, 0);
+  console.log(JSON.stringify([block.data[39], long.buffer.readUInt32BE(0), refused, read.data, identity.data[0]]));
+  client.close(() => process.exit(0));
+}})().catch(error => {{ console.error(error); process.exit(1); }});
+"""
+        answer = run("node", "-e", program, env={**os.environ, "NODE_PATH": modules})
+        self.assertEqual(answer.returncode, 0, answer.stderr)
+        self.assertEqual(answer.stdout.strip(), '[4660,305419896,1,[310,260],"Finsight"]')
+
+    def test_finsightctl_shows_sets_and_commands(self):
+        shown = ctl(self.port, "show")
+        self.assertEqual(shown.returncode, 0, shown.stderr)
+        self.assertIn("test_constant_long     305419896", shown.stdout)
+        watched = ctl(self.port, "watch", "--seconds", "1")
+        self.assertEqual(watched.returncode, 0, watched.stderr)
+        self.assertGreaterEqual(len(watched.stdout.splitlines()), 4)
+        self.assertIn("ready", watched.stdout)
+        self.assertEqual(ctl(self.port, "set", "contact_on=0.35", "hold_time=150").returncode, 0)
+        shown = ctl(self.port, "show").stdout
+        self.assertIn("contact_on             0.35 N", shown)
+        self.assertIn("hold_time              150 ms", shown)
+        self.assertEqual(ctl(self.port, "set", "contact_on=0.05").returncode, 1)
+        self.assertEqual(ctl(self.port, "set", "contact=1").returncode, 2)
+        self.assertEqual(ctl(self.port, "do", "dance").returncode, 2)
+        self.assertEqual(ctl(1, "show").returncode, 1)
+
+    def test_saved_settings_come_back_after_a_reset_and_the_factorys_on_order(self):
+        self.assertEqual(ctl(self.port, "set", "hold_time=77").returncode, 0)
+        self.assertIn("unsaved", ctl(self.port, "show").stdout)
+        self.assertEqual(ctl(self.port, "do", "save").stdout, "done\n")
+        self.assertNotIn("unsaved", ctl(self.port, "show").stdout)
+        self.assertEqual(ctl(self.port, "set", "hold_time=78").returncode, 0)
+        self.assertEqual(ctl(self.port, "do", "reset").stdout, "done\n")
+        time.sleep(0.3)
+        Reader(self.port).close()
+        self.assertIn("hold_time              77 ms", ctl(self.port, "show").stdout)
+        self.assertEqual(ctl(self.port, "do", "factory").stdout, "done\n")
+        self.assertIn("hold_time              200 ms", ctl(self.port, "show").stdout)
+        self.assertIsNone(self.firmware.process.poll())
+
+    def test_a_recording_made_over_modbus_is_a_session_that_replays(self):
+        self.assertEqual(ctl(self.port, "do", "record").stdout, "done\n")
+        self.assertEqual(ctl(self.port, "do", "record").returncode, 1)
+        time.sleep(1)
+        self.assertEqual(ctl(self.port, "do", "stop").stdout, "done\n")
+        session = Path(self.folder.name) / "recordings" / "session-0001"
+        with open(session / "registers.csv", newline="") as file:
+            rows = list(csv.reader(file))
+        self.assertGreater(len(rows), 20)
+        log = session / "again.csv"
+        source = f'kind = "session"\npath = "{session}"\nspeed = "full"'
+        with Firmware(source, extra_arguments=("--registers", log)) as again:
+            self.assertEqual(again.process.wait(60), 0)
+        self.assertEqual(len(log.read_text().splitlines()), len(rows))
+
+
+class SavedSettings(unittest.TestCase):
+    def test_a_spoilt_file_means_factory_settings_and_a_fault_until_it_is_cleared(self):
+        with tempfile.TemporaryDirectory() as folder:
+            Path(folder, "settings.toml").write_text("version = 1\n[settings]\n")
+            with firmware(folder) as started:
+                reader = Reader(started.port)
+                deadline = time.monotonic() + 20
+                while reader.read().words[1] != 7 and time.monotonic() < deadline:
+                    time.sleep(0.02)
+                self.assertEqual(reader.read().words[1], 7)
+                self.assertEqual(ctl(started.port, "do", "clear").stdout, "done\n")
+                while reader.read().words[1] != 0 and time.monotonic() < deadline:
+                    time.sleep(0.02)
+                self.assertEqual(reader.read().words[1], 0)
+                reader.close()
+            self.assertIn("settings.toml:2", started.errors)
+
+
+if __name__ == "__main__":
+    prepare()
+    unittest.main(verbosity=2)

@@ -1,0 +1,93 @@
+#include "firmware/zero.h"
+
+#include <doctest/doctest.h>
+
+#include <Eigen/Geometry>
+
+using namespace finsight;
+
+namespace {
+
+PlatePoses poses_at(float size, Quality quality = Quality::kFresh) {
+  PlatePoses poses;
+  for (int p = 0; p < kPlates; ++p) {
+    poses.plates[p] = {{0.3F * size, -0.2F * size, size}, {0.02F * size, 0, 0.01F * size}};
+    poses.seen[p] = true;
+  }
+  poses.quality = quality;
+  return poses;
+}
+
+/// What comes of a zero on these frames, one after the other.
+std::optional<bool> outcome(Zeroing& zeroing, PlatePoses poses, int frames) {
+  for (int i = 0; i < frames; ++i) {
+    PlatePoses frame = poses;
+    zeroing.process(frame);
+    if (const auto done = zeroing.take_outcome()) return done;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+TEST_CASE("zero: after 16 frames the finger as it is now is at rest") {
+  Zeroing zeroing;
+  zeroing.begin();
+  CHECK_FALSE(outcome(zeroing, poses_at(1), 15));
+  CHECK(outcome(zeroing, poses_at(1), 1) == true);
+  PlatePoses poses = poses_at(1);
+  zeroing.process(poses);
+  for (int p = 0; p < kPlates; ++p) {
+    CHECK(poses.plates[p].displacement_mm.norm() < 1e-5F);
+    CHECK(poses.plates[p].rotation_rad.norm() < 1e-3F);
+  }
+}
+
+TEST_CASE("zero: later motions are those since the zero, turned about the plate's own centre") {
+  Zeroing zeroing;
+  ZeroPose zero{};
+  zero[0] = {{0.5F, 0, 1}, {0.1F, 0, 0}};
+  zeroing.set_zero(zero);
+  // The plate as a body: from the zero it is turned by q and its centre moved by (1, 2, 3).
+  const Eigen::AngleAxisf at_zero(0.1F, Vec3f::UnitX()), q(0.3F, Vec3f(1, 2, -1).normalized());
+  const Eigen::AngleAxisf now(q.toRotationMatrix() * at_zero.toRotationMatrix());
+  PlatePoses poses = poses_at(0);
+  poses.plates[0] = {Vec3f(0.5F, 0, 1) + Vec3f(1, 2, 3), now.angle() * now.axis()};
+  zeroing.process(poses);
+  CHECK((poses.plates[0].displacement_mm - Vec3f(1, 2, 3)).norm() < 1e-5F);
+  CHECK((poses.plates[0].rotation_rad - 0.3F * q.axis()).norm() < 1e-5F);
+}
+
+TEST_CASE("zero: frames that show nothing are waited through, and after two seconds given up") {
+  Zeroing zeroing;
+  zeroing.begin();
+  CHECK_FALSE(outcome(zeroing, poses_at(1, Quality::kInvalid), 90));
+  CHECK(outcome(zeroing, poses_at(1), 16) == true);
+  zeroing.begin();
+  CHECK(outcome(zeroing, poses_at(1, Quality::kInvalid), 121) == false);
+  CHECK(zeroing.zero());  // the old one stays
+}
+
+TEST_CASE("zero: a finger that is touched, moves, or loses a plate meanwhile gets none") {
+  Zeroing zeroing;
+  zeroing.begin();
+  CHECK(outcome(zeroing, poses_at(3.1F), 16) == false);
+  zeroing.begin();
+  CHECK_FALSE(outcome(zeroing, poses_at(1), 8));
+  CHECK(outcome(zeroing, poses_at(1.4F), 8) == false);
+  zeroing.begin();
+  CHECK_FALSE(outcome(zeroing, poses_at(1), 8));
+  PlatePoses hidden = poses_at(1);
+  hidden.seen[2] = false;
+  CHECK(outcome(zeroing, hidden, 8) == false);
+  CHECK_FALSE(zeroing.zero());
+}
+
+TEST_CASE("zero: it is measured from what the camera sees, not from the zero before") {
+  Zeroing zeroing;
+  for (const float size : {1.0F, 2.0F}) {
+    zeroing.begin();
+    CHECK(outcome(zeroing, poses_at(size), 16) == true);
+    CHECK((*zeroing.zero())[0].displacement_mm.z() == doctest::Approx(size));
+  }
+}
