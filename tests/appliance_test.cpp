@@ -128,7 +128,7 @@ TEST_CASE("appliance: the user's values take the board file's place, and paths s
                                  "[network]\nmethod = \"static\"\naddress = \"10.1.2.3/8\"\n");
   const Settings settings = read_settings(board, user);
   CHECK(settings.pack == folder.path / "esp" / "finger.safetensors");
-  CHECK(settings.loop.word_order == WordOrder::kCDAB);
+  CHECK(settings.loop.live[kWordOrder] == 1);
   CHECK(settings.modbus.port == 502);
   CHECK(settings.replay.path == "/recorded");
   CHECK(settings.network.address == "10.1.2.3/8");
@@ -176,7 +176,7 @@ TEST_CASE("appliance: of bad settings the good parts serve the fault") {
   const auto board = folder.write("board.toml", with_outputs);
   const auto good_part = folder.write("a.toml", "[modbus]\nport = 1502\nword_order = \"CDAB\"\n[nonsense]\n");
   CHECK(read_good_parts(board, good_part).modbus.port == 1502);
-  CHECK(read_good_parts(board, good_part).loop.word_order == WordOrder::kCDAB);
+  CHECK(read_good_parts(board, good_part).loop.live[kWordOrder] == 1);
   CHECK(read_good_parts(board, good_part).gpio.has_value());
   const auto bad_part = folder.write("b.toml", "[modbus]\nport = 70000\n[gpio]\nchip = 3\n");
   CHECK(read_good_parts(board, bad_part).modbus.port == 502);
