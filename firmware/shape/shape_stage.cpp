@@ -124,7 +124,8 @@ void ShapeStage::Workspace::answer_by_newton(const PlatePoses& poses) {
   const bool follow = has_last && settings.tier == ShapeSettings::Tier::kNewton && !newton.is_jump(last_poses, poses);
   if (!follow && !newton.start_from(map_mm, poses)) newton.start_towards(map_mm, poses);
   bool ok = solve(poses);
-  const bool is_rough = !ok || shape.iterations > settings.factorisations * (1 + settings.chord_steps) || strained();
+  const bool is_rough =
+      follow && (!ok || shape.iterations > settings.factorisations * (1 + settings.chord_steps) || strained());
   if (follow && (!ok || wrong_minimum()) && newton.start_from(map_mm, poses)) {
     ok = solve(poses);
   } else if (follow && ok && was_rough) {
