@@ -38,13 +38,17 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
 
 const RegisterImage& FrameLoop::step_without_frame(std::int64_t now_ns) {
   state_.camera_fault = true;
-  state_.fault = FaultCode::kCameraLost;
+  picture_fault_ = PictureFault::kNone;
   const PlatePoses& poses = hold_poses(PlatePoses{}, now_ns);
   return publish(poses, shape_.solve(poses), touch_.locate(poses));
 }
 
 PlatePoses FrameLoop::measure_poses(const Frame& frame) {
-  if (vision_ && !frame.poses) return vision_->poses.estimate(vision_->markers.find(frame));
+  if (vision_ && !frame.poses) {
+    picture_fault_ = vision_->check.look({frame.grey, frame.width_px, frame.height_px, frame.stride_bytes});
+    state_.camera_fault = picture_fault_ == PictureFault::kFrozen;  // what an old picture shows is not measured
+    return state_.camera_fault ? PlatePoses{} : vision_->poses.estimate(vision_->markers.find(frame));
+  }
   PlatePoses poses = frame.poses ? *frame.poses : PlatePoses{};
   complete_from_prior(model_.prior, poses);
   return poses;
@@ -80,10 +84,18 @@ void FrameLoop::count_frame(const Frame& frame) {
   state_.exposure_ns = frame.exposure_ns;
 }
 
+// The first that holds; what explains another comes before it.
+FaultCode FrameLoop::fault(const FingerShape& shape) const {
+  if (picture_fault_ == PictureFault::kFrozen) return FaultCode::kCameraFrozen;
+  if (state_.camera_fault) return FaultCode::kCameraLost;
+  if (hold_is_over_ && picture_fault_ == PictureFault::kDark) return FaultCode::kTooDark;
+  if (hold_is_over_ && picture_fault_ == PictureFault::kBright) return FaultCode::kTooBright;
+  if (hold_is_over_) return FaultCode::kMarkersLost;
+  return shape.fallback ? FaultCode::kSolverFailed : lasting_fault_;
+}
+
 const RegisterImage& FrameLoop::publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch) {
-  if (!state_.camera_fault) {
-    state_.fault = hold_is_over_ ? FaultCode::kMarkersLost : shape.fallback ? FaultCode::kSolverFailed : lasting_fault_;
-  }
+  state_.fault = fault(shape);
   state_.zeroed = zeroing_.zero().has_value();
   state_.limits = next_limits(state_.limits, shape, touch, state_.rated_deformation_mm, state_.settings);
   ++state_.heartbeat;

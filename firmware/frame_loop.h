@@ -48,11 +48,13 @@ class FrameLoop {
   PlatePoses measure_poses(const Frame& frame);
   const PlatePoses& hold_poses(const PlatePoses& measured, std::int64_t now_ns);
   void count_frame(const Frame& frame);
+  FaultCode fault(const FingerShape& shape) const;
   const RegisterImage& publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch);
 
   struct Vision {
     Vision(const Model& model, const CameraModel& camera) : markers(model, camera), poses(model, camera) {}
     MarkerStage markers;
+    PictureCheck check;
     PoseStage poses;
   };
   const Model& model_;
@@ -64,6 +66,7 @@ class FrameLoop {
   PlatePoses held_;      ///< the last ones that were fresh
   std::int64_t held_since_ns_ = 0;
   bool hold_is_over_ = true;
+  PictureFault picture_fault_ = PictureFault::kNone;
   FaultCode lasting_fault_ = FaultCode::kNone;
   std::uint32_t last_sequence_ = 0;
   LoopState state_;

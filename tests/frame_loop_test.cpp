@@ -268,6 +268,37 @@ TEST_CASE("loop: pictures give the same registers as the poses that they show, w
   CHECK((held.words[0] & (kHeld | kTopSeen)) == kHeld);
 }
 
+TEST_CASE("loop: a frozen camera is a fault, and its picture is never shown as fresh") {
+  const CameraModel camera = test::camera_640x480();
+  Feeder feeder(camera);
+  const std::vector<std::uint8_t> grey = painted(camera, touched(), 1), other = painted(camera, touched(), 2);
+  for (int frame = 0; frame < 5; ++frame) CHECK((feeder.step(test::frame_of(camera, grey)).words[0] & kReady) != 0);
+  const std::uint16_t frozen = feeder.step(test::frame_of(camera, grey)).words[0];
+  CHECK((frozen & (kCameraFault | kAnyFault | kHeld)) == (kCameraFault | kAnyFault | kHeld));
+  CHECK(feeder.loop.state().fault == FaultCode::kCameraFrozen);
+  for (int frame = 0; frame < 30; ++frame) feeder.step(test::frame_of(camera, grey));
+  const RegisterImage& over = feeder.step(test::frame_of(camera, grey));
+  CHECK((over.words[0] & (kTouchValid | kHeld)) == 0);
+  CHECK(over.words[1] == 8);
+  CHECK(feeder.step(test::frame_of(camera, other)).words[1] == 0);
+}
+
+TEST_CASE("loop: without light the fault says so once nothing is held any more") {
+  const CameraModel camera = test::camera_640x480();
+  Feeder feeder(camera);
+  feeder.step(test::frame_of(camera, painted(camera, touched(), 1)));
+  std::vector<std::uint8_t> grey(static_cast<std::size_t>(camera.width_px) * camera.height_px);
+  for (const auto& [level, fault] : {std::pair{1, 9}, {254, 10}, {100, 2}}) {
+    CAPTURE(level);
+    for (int frame = 0; frame < 40; ++frame) {
+      std::fill(grey.begin(), grey.end(), static_cast<std::uint8_t>(level));
+      grey[static_cast<std::size_t>(frame)] ^= 1;  // a sensor's noise
+      feeder.step(test::frame_of(camera, grey));
+    }
+    CHECK(feeder.loop.state().fault == static_cast<FaultCode>(fault));
+  }
+}
+
 TEST_CASE("loop: frames with recorded poses allocate nothing, whatever happens, from the first one on") {
   PlatePoses alone = touched(), bad = touched(), far = touched(4), swapped = touched();
   alone.seen = {true, false, false};

@@ -35,7 +35,10 @@ enum class FaultCode : std::uint16_t {
   kSelfTest = 4,
   kSettingsRefused = 5,
   kFailedRepeatedly = 6,
-  kSavedSettings = 7
+  kSavedSettings = 7,
+  kCameraFrozen = 8,
+  kTooDark = 9,
+  kTooBright = 10
 };
 
 /// What clients can change while the device works: the settings as their registers hold them.

@@ -14,7 +14,9 @@ constexpr double kDarkest = 6, kBrightest = 249;
 
 // One pass over the rows: their sum, and a checksum that changes with any byte and with the bytes' order.
 PictureFault PictureCheck::look(const GreyView& picture) {
-  if (!picture.pixels || picture.width_px < 1 || picture.height_px < 1) return PictureFault::kNone;
+  if (!picture.pixels || picture.width_px < 1 || picture.height_px < 1 || picture.stride_bytes < picture.width_px) {
+    return PictureFault::kNone;
+  }
   std::uint64_t checksum = 0xcbf29ce484222325, sum = 0, pixels = 0;
   const int words = picture.width_px / 8;
   for (int y = 0; y < picture.height_px; y += kRowStep) {

@@ -3,4 +3,5 @@
 #pragma once
 
 #include "firmware/vision/marker_stage.h"
+#include "firmware/vision/picture_check.h"
 #include "firmware/vision/pose_stage.h"
