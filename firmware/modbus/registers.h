@@ -35,7 +35,8 @@ enum class FaultCode : std::uint16_t {
   kSelfTest = 4,
   kSettingsRefused = 5,
   kFailedRepeatedly = 6,
-  kSavedSettings = 7
+  kSavedSettings = 7,
+  kStalled = 8
 };
 
 /// What clients can change while the device works: the settings as their registers hold them.
@@ -90,5 +91,8 @@ RegisterImage empty_block();
 
 /// Register 3: from the exposure to `now_ns`, the moment of a read (steady clock).
 void set_age(RegisterImage& image, std::int64_t now_ns);
+
+/// For a block that should have been replaced long ago: not ready, no valid touch or shape, and a fault.
+void mark_stalled(RegisterImage& image);
 
 }  // namespace finsight
