@@ -4,14 +4,23 @@
 
 namespace finsight {
 
-Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved)
-    : control_(control), loop_(loop), saver_(saver), recorder_(recorder), settings_(saved.settings), saved_(saved) {
+Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved,
+                   std::int64_t frame_timeout_ns)
+    : control_(control),
+      loop_(loop),
+      saver_(saver),
+      recorder_(recorder),
+      frame_timeout_ns_(frame_timeout_ns),
+      settings_(saved.settings),
+      saved_(saved) {
   loop_.zeroing().set_zero(saved.zero);
 }
 
 void Commands::turn() {
   settings_ = control_.settings();
   loop_.use(settings_);
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  control_.set_stale_after(kNsPerMs * settings_[kHoldTime] + frame_timeout_ns_);
   if (!is_running_) {
     if (const auto ordered = control_.take_command()) {
       running_ = *ordered;

@@ -14,7 +14,9 @@ namespace finsight {
 class Commands {
  public:
   /// Without a saver or recorder their commands end as "not configured". `saved` is what the disk holds.
-  Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved);
+  /// Without a frame for `frame_timeout_ns` the loop turns all the same; later than that it hangs.
+  Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved,
+           std::int64_t frame_timeout_ns = 100'000'000);
 
   void turn();
   /// The command of setting 1021, unless another one is running.
@@ -31,6 +33,7 @@ class Commands {
   FrameLoop& loop_;
   StateSaver* saver_;
   Recorder* recorder_;
+  const std::int64_t frame_timeout_ns_;
   LiveSettings settings_;
   SavedState saved_, saving_;
   Command running_ = Command::kNone;

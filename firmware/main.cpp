@@ -309,7 +309,8 @@ int start(const Arguments& arguments) {
   if (!settings.recordings.empty() && pictures) recorder.emplace(settings.recordings, *pictures);
   Outputs outputs(settings.gpio);
   Control control(settings.write_key, settings.loop.live, saved.settings);
-  Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved);
+  Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved,
+                    std::int64_t{1'000'000} * frame_timeout_ms(settings));
   ModbusServer server(settings.modbus, control, print_news);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);

@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <limits>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -55,6 +56,13 @@ class Control {
   const LiveSettings& settings() { return to_loop_.read(); }
   std::optional<Command> take_command();  ///< the one that was ordered; then finish() must be called, once
   void finish(CommandResult result);
+  /// A block whose exposure lies longer back is stalled: the firmware hangs, or has no processor. That a camera is
+  /// missing is known, so there is nothing new to say.
+  void set_stale_after(std::int64_t stale_after_ns) { stale_after_ns_ = stale_after_ns; }
+  bool is_stalled(const RegisterImage& image, std::int64_t now_ns) const {
+    const bool is_measured = image.exposure_ns != 0 && !(image.words[0] & kCameraFault);
+    return is_measured && now_ns - image.exposure_ns > stale_after_ns_;
+  }
   void show_recording(std::uint16_t state) { recording_ = state; }  ///< register 1005
   const LiveSettings& factory() const { return factory_; }
 
@@ -80,6 +88,7 @@ class Control {
   std::atomic<bool> busy_{false};         ///< from the order to the result
   std::atomic<std::uint32_t> result_{0};  ///< sequence << 16 | result
   std::atomic<std::uint16_t> recording_{0};
+  std::atomic<std::int64_t> stale_after_ns_{std::numeric_limits<std::int64_t>::max()};
 };
 
 }  // namespace finsight

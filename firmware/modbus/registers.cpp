@@ -204,4 +204,11 @@ void set_age(RegisterImage& image, std::int64_t now_ns) {
   write_time_since(block, row("age"), image.exposure_ns, now_ns);
 }
 
+void mark_stalled(RegisterImage& image) {
+  std::uint16_t& status = image.words[row("status")];
+  std::uint16_t& fault = image.words[row("fault")];
+  status = static_cast<std::uint16_t>((status & ~(kReady | kTouchValid | kShapeValid)) | kAnyFault);
+  fault = static_cast<std::uint16_t>(FaultCode::kStalled);
+}
+
 }  // namespace finsight

@@ -36,9 +36,10 @@ enum class FaultCode : std::uint16_t {
   kSettingsRefused = 5,
   kFailedRepeatedly = 6,
   kSavedSettings = 7,
-  kCameraFrozen = 8,
-  kTooDark = 9,
-  kTooBright = 10
+  kStalled = 8,
+  kCameraFrozen = 9,
+  kTooDark = 10,
+  kTooBright = 11
 };
 
 /// What clients can change while the device works: the settings as their registers hold them.
@@ -93,5 +94,8 @@ RegisterImage empty_block();
 
 /// Register 3: from the exposure to `now_ns`, the moment of a read (steady clock).
 void set_age(RegisterImage& image, std::int64_t now_ns);
+
+/// For a block that should have been replaced long ago: not ready, no valid touch or shape, and a fault.
+void mark_stalled(RegisterImage& image);
 
 }  // namespace finsight

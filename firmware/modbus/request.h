@@ -23,6 +23,7 @@ inline DeviceView view_now(Latest<RegisterImage>& latest, Control& control) {
   const auto now = std::chrono::steady_clock::now().time_since_epoch();
   DeviceView view{latest.read(), control, std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()};
   set_age(view.image, view.now_ns);
+  if (control.is_stalled(view.image, view.now_ns)) mark_stalled(view.image);
   return view;
 }
 

@@ -248,6 +248,26 @@ TEST_CASE("server: the age is that of the moment of the read") {
   CHECK(client.ask(request, 13) == hex("0001 0000 0007 01 03 04 0000 4444"));
 }
 
+TEST_CASE("server: a result that nothing replaces is shown as not valid and at fault") {
+  Served served;
+  Connection client(served.port());
+  served.control().set_stale_after(300'000'000);
+  RegisterImage image;
+  const auto status = [&](std::chrono::milliseconds age, int more = 0) {
+    image.words[0] = static_cast<std::uint16_t>(kReady | kTouchValid | kContact | kShapeValid | more);
+    const auto exposure = std::chrono::steady_clock::now().time_since_epoch() - age;
+    image.exposure_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(exposure).count();
+    (*served).publish(image);
+    const Bytes reply = client.ask(hex("0001 0000 0006 01 03 0000 0002"), 13);
+    REQUIRE(reply.size() == 13);
+    return std::pair(word_at(reply, 0), word_at(reply, 1));
+  };
+  const std::uint16_t well = kReady | kTouchValid | kContact | kShapeValid;
+  CHECK(status(0ms) == std::pair<std::uint16_t, std::uint16_t>(well, 0));
+  CHECK(status(301ms) == std::pair<std::uint16_t, std::uint16_t>(kContact | kAnyFault, 8));
+  CHECK(status(301ms, kCameraFault) == std::pair<std::uint16_t, std::uint16_t>(well | kCameraFault, 0));
+}
+
 TEST_CASE("server: 32 clients are served, one more is closed, and a place that becomes free is used again") {
   Served served(with_clients(32));
   std::vector<Connection> clients;
