@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hostgen/fem/equilibrium.h"
 #include "hostgen/fem/quadratic_mesh.h"
 
 namespace finsight::host {
@@ -13,8 +12,8 @@ namespace {
 
 // A push beyond this is outside what the finger is made for (paper: 20 mm).
 constexpr double kLongestPush_mm = 20;
-// States of a path that the next one is extrapolated from: a cubic.
-constexpr std::size_t kHistory = 4;
+// States of a path that the next one is extrapolated from: a polynomial of degree 5.
+constexpr std::size_t kHistory = 6;
 // A step that fails is halved, at most this often.
 constexpr int kHalvings = 7;
 // A finger that suddenly moves so many times further per newton than in its last step has jumped.
@@ -92,7 +91,6 @@ struct FingerStatics::Solver {
   }
 
   void reset() {
-    equilibrium.reset();
     place = FacePoint{};
     force_n = 0;
     compliance = 0;
@@ -205,7 +203,6 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
   if (!walk(from, to, base, direction)) {
     history = history_before;
     compliance = compliance_before;
-    equilibrium.reset();
     return false;
   }
   if (!same_place) {
@@ -249,6 +246,8 @@ FemState FingerStatics::state() const {
   }
   return state;
 }
+
+EquilibriumCost FingerStatics::cost() const { return solver_->equilibrium.cost(); }
 
 std::vector<double> FingerStatics::node_displacement_mm() const {
   std::vector<double> displacement;

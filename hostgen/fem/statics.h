@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "hostgen/fem/dataset.h"
+#include "hostgen/fem/equilibrium.h"
 
 namespace finsight::host {
 
@@ -37,6 +38,8 @@ class FingerStatics {
   FemState state() const;
   /// [3 * mesh nodes] displacement of the mesh's (corner) nodes, mm.
   std::vector<double> node_displacement_mm() const;
+  /// What all loads so far took.
+  EquilibriumCost cost() const;
 
  private:
   struct Solver;
