@@ -66,7 +66,7 @@ void ElasticBody::Batch::set_lane(std::size_t lane, const QuadraticMesh& mesh, s
 
   std::array<Eigen::Vector3d, 4> corners;
   for (std::size_t a = 0; a < 4; ++a) corners[a] = mesh.node_mm[static_cast<std::size_t>(tet[a])];
-  const TetGradients gradients = tet_gradients(corners);
+  const TetGradients gradients = tet_gradients(corners, mesh.element);
   weight[lane] = gradients.volume_mm3 / kGaussPoints;
   mu[lane] = material.mu_mpa;
   bulk[lane] = material.bulk_mpa;

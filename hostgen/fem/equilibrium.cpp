@@ -101,4 +101,17 @@ bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
   return true;
 }
 
+bool Equilibrium::linearise(const ElasticState& state) {
+  body_.tangent(state.u, state.stress, cholesky_.values());
+  ++cost_.factorisations;
+  return cholesky_.factor();
+}
+
+void Equilibrium::apply_inverse(std::span<double> b) {
+  std::copy_n(b.begin(), rounded_.size(), rounded_.begin());
+  cholesky_.solve(rounded_);
+  std::copy(rounded_.begin(), rounded_.end(), b.begin());
+  std::fill_n(b.end() - 3, 3, 0.0);
+}
+
 }  // namespace finsight::host

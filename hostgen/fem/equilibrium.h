@@ -30,6 +30,11 @@ class Equilibrium {
   /// its own stresses. False if that start does not lead to an equilibrium at which the body resists every small motion
   /// (positive definite tangent); `state` then means nothing.
   bool solve(std::span<const double> load, ElasticState& state);
+  /// Factors the exact tangent at an equilibrium; false if it is not positive definite. solve() forgets it.
+  bool linearise(const ElasticState& state);
+  /// That tangent's inverse times `b` (a body vector), in place, in single precision: first-order changes of displacements
+  /// for changes of load, and, since it is symmetric, adjoints.
+  void apply_inverse(std::span<double> b);
   /// What all solves so far took.
   const EquilibriumCost& cost() const { return cost_; }
 
