@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <ctime>
 #include <memory>
 
 #include "firmware/self_test.h"
@@ -21,7 +22,7 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path spec, output;
+  std::filesystem::path spec, output, dataset;
   std::string profile = "quick";
   int points = 0, forces = 0, training_steps = 0;  // 0: the profile's
   std::uint64_t seed = 1;
@@ -111,6 +112,17 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
   check_self_test(Model::open(options.output));
 }
 
+/// The finite-element states: from a file, or computed. An interrupted run keeps finished paths beside the pack and goes on
+/// there.
+FemDataset truth(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile, const Options& options) {
+  if (!options.dataset.empty()) {
+    FemDataset dataset = read_dataset(options.dataset);
+    check_complete(dataset, spec, mesh, options.dataset);
+    return dataset;
+  }
+  return make_dataset(spec, mesh, profile.dataset, {}, options.output.string() + ".paths");
+}
+
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
@@ -126,12 +138,15 @@ void run(const Options& options) {
 
   BuildFigures figures{.profile = options.profile};
   const auto fem_start = std::chrono::steady_clock::now();
-  const FemDataset dataset = make_dataset(parts.spec, mesh, profile.dataset);
+  const std::clock_t fem_clock = std::clock();
+  const FemDataset dataset = truth(parts.spec, mesh, profile, options);
   figures.fem_seconds = seconds_since(fem_start);
+  figures.fem_cpu_seconds = static_cast<double>(std::clock() - fem_clock) / CLOCKS_PER_SEC;
   figures.fem_states = dataset.states.size();
-  for (const FemState& state : dataset.states) figures.fem_failed += !state.valid;
-  std::printf("finite elements: %zu states, %zu not valid, %.1f s\n", figures.fem_states, figures.fem_failed,
-              figures.fem_seconds);
+  figures.fem_too_far = dataset.count(Outcome::kPushedTooFar);
+  figures.fem_failed = dataset.count(Outcome::kNoEquilibrium);
+  std::printf("finite elements: %zu states, %zu of them pushed too far, %zu without equilibrium, %.1f s\n",
+              figures.fem_states, figures.fem_too_far, figures.fem_failed, figures.fem_seconds);
 
   const auto training_start = std::chrono::steady_clock::now();
   parts.prior = fit_plate_prior(dataset);
@@ -148,6 +163,7 @@ void run(const Options& options) {
 
   write_with_self_test(parts, options, self_test_poses(dataset));
   write_build_figures(options.output, figures);
+  std::filesystem::remove_all(options.output.string() + ".paths");
   std::printf("%s: %ju bytes, self-test passed\n", options.output.c_str(),
               static_cast<std::uintmax_t>(std::filesystem::file_size(options.output)));
 }
@@ -162,6 +178,9 @@ void add_build_command(CLI::App& app) {
   command->add_option("--profile", options->profile, "quick: some minutes; full: the paper's 570 points x 21 forces")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();
+  command->add_option("--dataset", options->dataset,
+                      "states made before by hostgen dataset or merge, instead of the profile's; without it they are "
+                      "computed, and an interrupted run goes on from OUTPUT.paths");
   command->add_option("--points", options->points, "touched points, instead of the profile's")->check(CLI::Range(5, 5000));
   command->add_option("--forces", options->forces, "forces per point, instead of the profile's")->check(CLI::Range(2, 200));
   command->add_option("--training-steps", options->training_steps, "Adam steps, instead of the profile's")

@@ -9,6 +9,7 @@ namespace finsight::host {
 
 void add_mesh_command(CLI::App& app);
 void add_dataset_command(CLI::App& app);
+void add_merge_command(CLI::App& app);  // in dataset_command.cpp
 void add_build_command(CLI::App& app);
 void add_inspect_command(CLI::App& app);
 void add_render_command(CLI::App& app);

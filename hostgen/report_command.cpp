@@ -41,6 +41,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
   if (area == "modbus") return measure_modbus(options.quick);
   if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.quick);
   const nlohmann::json built = read_build_figures(options.pack);  // fem and touch were measured when the pack was made
+  if (area == "fem") return measure_fem(options.spec, built[area], options.quick);
   return {{area, built[area]}};
 }
 
@@ -68,8 +69,8 @@ void add_report_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand("report", "measure speed against error; scripts/report prepares and calls it");
   command->add_option("areas", options->areas, "what to measure; all when none is named")
       ->check(CLI::IsMember(report_areas()));
+  command->add_option("--spec", options->spec, "finger spec that the pack was made of")->required();
   command->add_option("--pack", options->pack, "model pack")->required();
-  command->add_option("--spec", options->spec, "the pack's finger spec, for area vision")->required();
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();
   command->add_flag("--quick", options->quick, "shorter motions and fewer reads");

@@ -10,6 +10,13 @@
 
 namespace finsight::host {
 
+/// What became of a load.
+enum class Outcome : std::uint8_t {
+  kEquilibrium = 0,
+  kPushedTooFar = 1,   ///< the touched point has moved more than 20 mm (the paper's limit)
+  kNoEquilibrium = 2,  ///< the finger snaps through or buckles: no equilibrium that the state before leads to
+};
+
 /// One equilibrium: the finger touched at one point with one force.
 struct FemState {
   std::int32_t path = 0;       ///< index of the touched point; the group key for honest splits
@@ -18,26 +25,52 @@ struct FemState {
   Vec3f point_mm = Vec3f::Zero();    ///< touched point at rest
   Vec3f contact_mm = Vec3f::Zero();  ///< and where it is now
   std::array<PlateMotion, kPlates> plates;
-  bool valid = true;           ///< false: not converged, snapped through or pushed beyond the limit
+  bool valid = true;           ///< an equilibrium within the limit
+  Outcome outcome = Outcome::kEquilibrium;  ///< why not; higher forces of the path are not tried and carry it too
 };
 
-struct FemDataset {
-  std::string spec_sha256;
-  std::vector<FemState> states;          ///< ordered by path, then by force
-  std::vector<float> node_displacement_mm;  ///< [states][3 * mesh nodes]: displacement of every (corner) mesh node
-  std::size_t mesh_nodes = 0;
-};
-
+/// Which loads make a set, and on which mesh. Sets of the same plan are parts of one and can be merged.
 struct DatasetPlan {
   int points = 60;  ///< touched points, spread evenly over the front face
   int forces = 7;   ///< evenly spaced over the spec's range of forces
 };
 
-/// Walks all load paths on all cores, with progress. Deterministic whatever the number of cores.
-FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan);
+/// States of some or all paths of a plan.
+struct FemDataset {
+  std::string spec_sha256;
+  std::vector<FemState> states;          ///< ordered by path, then by force
+  std::vector<float> node_displacement_mm;  ///< [states][3 * mesh nodes]: displacement of every (corner) mesh node
+  std::size_t mesh_nodes = 0;
+  DatasetPlan plan = {};
+  std::string mesh_sha256 = {};  ///< of the mesh's nodes and tets
 
+  /// States of each outcome.
+  std::size_t count(Outcome outcome) const;
+};
+
+/// Shard `index` (from 0) of `count` holds the paths index, index + count, ...
+struct Shard {
+  int index = 0, count = 1;
+};
+
+/// Walks the load paths of a shard on all cores, with progress. Deterministic whatever the number of cores or shards.
+/// Every finished path is kept as a file in the folder `resume` (made if needed; empty name: nothing is kept), and taken
+/// from there when it is asked for again: an interrupted run goes on where it was. Files of another spec, mesh or plan
+/// are refused with an InputError.
+FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan, const Shard& shard = {},
+                        const std::filesystem::path& resume = {});
+
+/// Same states, same bytes.
 void write_dataset(const std::filesystem::path& file, const FemDataset& dataset);
 /// Throws InputError.
 FemDataset read_dataset(const std::filesystem::path& file);
+/// Puts the shards of one plan together, in any order: the same bytes as one run. Throws InputError naming the file if
+/// one belongs to another plan, a path comes twice, or one is missing.
+FemDataset merge_datasets(const std::vector<std::filesystem::path>& files);
+/// Throws InputError naming `file` unless the set was made from this spec and mesh and holds every path of its plan.
+void check_complete(const FemDataset& dataset, const FingerSpec& spec, const TetMesh& mesh,
+                    const std::filesystem::path& file);
+
+std::string mesh_sha256(const TetMesh& mesh);
 
 }  // namespace finsight::host

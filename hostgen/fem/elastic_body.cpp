@@ -48,7 +48,7 @@ struct ElasticBody::Batch {
                 const std::vector<int>& unknown_of_node, const std::vector<int>& position, const CholeskyPlanData& plan);
   void gather(std::span<const double> u, Pack (&values)[kTetNodes][3]) const;
   void scatter(const Pack (&values)[kTetNodes][3], std::span<double> sums) const;
-  void scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<double> blocks) const;
+  void scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<float> blocks) const;
   void displacement_gradient(const Pack (&u)[kTetNodes][3], std::size_t g, Pack (&D)[3][3]) const;
   void deform(const Pack (&u)[kTetNodes][3], std::size_t g, NeoHookeanState<Pack>& state) const;
 };
@@ -66,7 +66,7 @@ void ElasticBody::Batch::set_lane(std::size_t lane, const QuadraticMesh& mesh, s
 
   std::array<Eigen::Vector3d, 4> corners;
   for (std::size_t a = 0; a < 4; ++a) corners[a] = mesh.node_mm[static_cast<std::size_t>(tet[a])];
-  const TetGradients gradients = tet_gradients(corners);
+  const TetGradients gradients = tet_gradients(corners, mesh.element);
   weight[lane] = gradients.volume_mm3 / kGaussPoints;
   mu[lane] = material.mu_mpa;
   bulk[lane] = material.bulk_mpa;
@@ -101,11 +101,11 @@ void ElasticBody::Batch::scatter(const Pack (&values)[kTetNodes][3], std::span<d
   }
 }
 
-void ElasticBody::Batch::scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<double> blocks) const {
+void ElasticBody::Batch::scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<float> blocks) const {
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     if (block[pair][lane] < 0) continue;
-    double* const to = &blocks[9 * static_cast<std::size_t>(block[pair][lane])];
-    for (std::size_t i = 0; i < 9; ++i) to[i] += block_values[i / 3][i % 3][lane];
+    float* const to = &blocks[9 * static_cast<std::size_t>(block[pair][lane])];
+    for (std::size_t i = 0; i < 9; ++i) to[i] += static_cast<float>(block_values[i / 3][i % 3][lane]);
   }
 }
 
@@ -226,8 +226,8 @@ void ElasticBody::stresses(std::span<const double> u, std::span<const double> du
   }
 }
 
-void ElasticBody::tangent(std::span<const double> u, std::span<const double> stress, std::span<double> blocks) const {
-  std::fill(blocks.begin(), blocks.end(), 0.0);
+void ElasticBody::tangent(std::span<const double> u, std::span<const double> stress, std::span<float> blocks) const {
+  std::fill(blocks.begin(), blocks.end(), 0.0F);
   // Per node and Gauss point, the factors of the outer products that make the block of nodes (row, column):
   //   (g_row . S g_col - b h_row . h_col) 1
   //   + h_row (v h_col - 2/3 c f_col)^T + (-2/3 c f_row) h_col^T + (-b h_col) h_row^T

@@ -35,8 +35,8 @@ class ElasticBody {
   /// order of the body's own.
   void stresses(std::span<const double> u, std::span<const double> du, std::span<double> stress) const;
   /// Derivative of the forces at `u` as blocks in the order of plan().pattern_row (N/mm), with the geometric part made
-  /// by `stress`. It is the exact tangent if that is the stress at `u`.
-  void tangent(std::span<const double> u, std::span<const double> stress, std::span<double> blocks) const;
+  /// by `stress`. It is the exact tangent if that is the stress at `u`, but for the rounding of its sums.
+  void tangent(std::span<const double> u, std::span<const double> stress, std::span<float> blocks) const;
 
  private:
   struct Batch;

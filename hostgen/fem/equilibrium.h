@@ -16,6 +16,10 @@ struct ElasticState {
   explicit ElasticState(const ElasticBody& body) : u(body.vector_size()), stress(body.stress_size()) {}
 };
 
+struct EquilibriumCost {
+  long factorisations = 0, steps = 0;
+};
+
 /// Not thread-safe; bodies may be shared.
 class Equilibrium {
  public:
@@ -26,24 +30,27 @@ class Equilibrium {
   /// its own stresses. False if that start does not lead to an equilibrium at which the body resists every small motion
   /// (positive definite tangent); `state` then means nothing.
   bool solve(std::span<const double> load, ElasticState& state);
-  /// Forgets the factor, so that the next answer does not depend on earlier ones, not even in its last digit.
-  void reset() { factored_ = false; }
-
-  /// What all solves took so far; for reports and tests.
-  struct Cost {
-    long factorisations = 0, steps = 0;
-  };
-  const Cost& cost() const { return cost_; }
+  /// Factors the exact tangent at an equilibrium; false if it is not positive definite. solve() forgets it.
+  bool linearise(const ElasticState& state);
+  /// That tangent's inverse times `b` (a body vector), in place, in single precision: first-order changes of displacements
+  /// for changes of load, and, since it is symmetric, adjoints.
+  void apply_inverse(std::span<double> b);
+  /// What all solves so far took.
+  const EquilibriumCost& cost() const { return cost_; }
 
  private:
   double residual_at(std::span<const double> load, const ElasticState& state);
+  double find_correction();
+  void take_step(ElasticState& state);
+  bool factorise(ElasticState& state);
 
   const ElasticBody& body_;
-  Cholesky<double> cholesky_;
+  Cholesky<float> cholesky_;
   std::vector<double> residual_, step_;
+  std::vector<float> rounded_;  // the residual on its way to becoming the step
   double smallest_J_ = 1;
-  bool factored_ = false;
-  Cost cost_;
+  long first_step_ = 0;  // cost_.steps when the present solve began
+  EquilibriumCost cost_;
 };
 
 }  // namespace finsight::host

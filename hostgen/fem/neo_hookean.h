@@ -8,7 +8,8 @@
 //   S = c 1 + b (F^T F)^-1         (second Piola-Kirchhoff stress)
 #pragma once
 
-#include <cmath>
+#include <bit>
+#include <cstdint>
 
 #include "firmware/shape/simd.h"
 
@@ -21,6 +22,18 @@ struct NeoHookean {
 /// From Young's modulus and Poisson's ratio of small deformations.
 inline NeoHookean neo_hookean(double youngs_modulus_mpa, double poisson_ratio) {
   return {youngs_modulus_mpa / (2 * (1 + poisson_ratio)), youngs_modulus_mpa / (3 * (1 - 2 * poisson_ratio))};
+}
+
+/// x^(-1/3) of a positive number, to the last digit or two, without leaving the vector. Newton's method for
+/// 1 / y^3 = x; its start, from the bits of x (a third of its exponent), is right to 4 %.
+template <class Number>
+inline Number inverse_cube_root(const Number& x) {
+  Number y = simd::map_lanes(x, [](double lane) {
+    constexpr std::uint64_t kMagic = 0x553EF0FF289DD796;
+    return std::bit_cast<double>(kMagic - std::bit_cast<std::uint64_t>(lane) / 3);
+  });
+  for (int i = 0; i < 4; ++i) y *= (4.0 - x * y * y * y) * (1.0 / 3);
+  return y;
 }
 
 /// Everything about one deformation gradient. Number is double or a vector of doubles (simd.h), a deformation per lane.
@@ -49,8 +62,8 @@ struct NeoHookeanState {
         I1 += F[i][l] * F[i][l];
       }
     }
-    const Number root = simd::map_lanes(J, [](double volume) { return std::cbrt(volume); });
-    c = mu / (root * root);
+    const Number root = inverse_cube_root(J);
+    c = mu * root * root;
     b = bulk * (J - 1.0) * J - c * I1 * (1.0 / 3);
   }
   Number v() const { return (2.0 / 9) * c * I1 + bulk * (2.0 * J - 1.0) * J; }

@@ -66,8 +66,9 @@ Eigen::Vector3d nearest_in_triangle(const std::array<Eigen::Vector3d, 3>& corner
 
 }  // namespace
 
-QuadraticMesh make_quadratic(const TetMesh& mesh) {
+QuadraticMesh make_quadratic(const TetMesh& mesh, Element element) {
   QuadraticMesh out;
+  out.element = element;
   out.corner_nodes = mesh.node_mm.size();
   for (const auto& node : mesh.node_mm) out.node_mm.emplace_back(node[0], node[1], node[2]);
   out.fixed.assign(out.corner_nodes, 0);
@@ -85,8 +86,11 @@ QuadraticMesh make_quadratic(const TetMesh& mesh) {
     out.tets.push_back(nodes);
     if (mesh.region[t] >= kFirstPlateRegion) {
       auto& plate = out.plate_nodes[static_cast<std::size_t>(mesh.region[t] - kFirstPlateRegion)];
-      plate.insert(plate.end(), nodes.begin(), nodes.end());
+      plate.insert(plate.end(), nodes.begin(), element == Element::kC3D4 ? nodes.begin() + 4 : nodes.end());
     }
+  }
+  if (element == Element::kC3D4) {
+    std::fill(out.fixed.begin() + static_cast<std::ptrdiff_t>(out.corner_nodes), out.fixed.end(), 1);
   }
   for (auto& plate : out.plate_nodes) {
     std::sort(plate.begin(), plate.end());
@@ -98,7 +102,7 @@ QuadraticMesh make_quadratic(const TetMesh& mesh) {
   return out;
 }
 
-TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm) {
+TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Element element) {
   Eigen::Matrix3d edges;
   for (int i = 0; i < 3; ++i) edges.col(i) = corner_mm[static_cast<std::size_t>(i) + 1] - corner_mm[0];
   TetGradients out;
@@ -109,6 +113,13 @@ TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm) {
   std::array<Eigen::Vector3d, 4> dL;
   for (std::size_t i = 0; i < 3; ++i) dL[i + 1] = inverse.row(static_cast<int>(i)).transpose();
   dL[0] = -(dL[1] + dL[2] + dL[3]);
+  if (element == Element::kC3D4) {
+    for (auto& at : out.at) {
+      at.fill(Eigen::Vector3d::Zero());
+      std::copy(dL.begin(), dL.end(), at.begin());
+    }
+    return out;
+  }
   constexpr double kNear = 0.58541019662496845, kFar = 0.13819660112501052;  // (5 + 3 sqrt 5) / 20, (5 - sqrt 5) / 20
   for (std::size_t g = 0; g < kGaussPoints; ++g) {
     std::array<double, 4> L{kFar, kFar, kFar, kFar};
@@ -136,6 +147,7 @@ FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm) {
     best.node = triangle;
     best.weight = {L[0] * (2 * L[0] - 1), L[1] * (2 * L[1] - 1), L[2] * (2 * L[2] - 1),
                    4 * L[0] * L[1],       4 * L[1] * L[2],       4 * L[2] * L[0]};
+    if (mesh.element == Element::kC3D4) best.weight = {L[0], L[1], L[2], 0, 0, 0};
     best.at_mm = at;
     // The face looks towards negative z, so the normal with positive z points into the finger.
     best.inward = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();

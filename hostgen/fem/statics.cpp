@@ -5,16 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hostgen/fem/equilibrium.h"
-#include "hostgen/fem/quadratic_mesh.h"
 
 namespace finsight::host {
 namespace {
 
 // A push beyond this is outside what the finger is made for (paper: 20 mm).
 constexpr double kLongestPush_mm = 20;
-// States of a path that the next one is extrapolated from: a cubic.
-constexpr std::size_t kHistory = 4;
+// States of a path that the next one is extrapolated from: a polynomial of degree 5.
+constexpr std::size_t kHistory = 6;
 // A step that fails is halved, at most this often.
 constexpr int kHalvings = 7;
 // A finger that suddenly moves so many times further per newton than in its last step has jumped.
@@ -32,16 +30,17 @@ void add(const ElasticState& from, double weight, ElasticState& to) {
   for (std::size_t i = 0; i < to.stress.size(); ++i) to.stress[i] += weight * from.stress[i];
 }
 
-std::vector<NeoHookean> materials(const FingerSpec& spec, const QuadraticMesh& mesh) {
+}  // namespace
+
+std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<int>& region) {
   std::vector<NeoHookean> material;
-  for (const int region : mesh.region) {
-    const double stiffness = region >= kFirstPlateRegion ? spec.plate_stiffness_ratio : 1;
+  for (const int label : region) {
+    const double stiffness = label >= kFirstPlateRegion ? spec.plate_stiffness_ratio : 1;
     material.push_back(neo_hookean(stiffness * spec.youngs_modulus_mpa, spec.poisson_ratio));
   }
   return material;
 }
 
-/// The rigid motion nearest to the displacements of a plate's nodes (least squares; Kabsch 1976), about `centre`.
 PlateMotion rigid_fit(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now,
                       const Eigen::Vector3d& centre) {
   Eigen::Vector3d rest_mean = Eigen::Vector3d::Zero(), now_mean = Eigen::Vector3d::Zero();
@@ -60,12 +59,10 @@ PlateMotion rigid_fit(const std::vector<Eigen::Vector3d>& rest, const std::vecto
   return {(now_mean + R * (centre - rest_mean) - centre).cast<float>(), (turn.angle() * turn.axis()).cast<float>()};
 }
 
-}  // namespace
-
 class StaticsSetup {
  public:
-  StaticsSetup(const FingerSpec& spec, const TetMesh& tets)
-      : mesh(make_quadratic(tets)), body(mesh, materials(spec, mesh)), rest(body) {
+  StaticsSetup(const FingerSpec& spec, const TetMesh& tets, Element element)
+      : mesh(make_quadratic(tets, element)), body(mesh, tet_materials(spec, mesh.region)), rest(body) {
     for (std::size_t p = 0; p < kPlates; ++p) marker_centre[p] = spec.plates[p].T_finger_marker.translation();
   }
   const QuadraticMesh mesh;
@@ -74,8 +71,8 @@ class StaticsSetup {
   std::array<Eigen::Vector3d, kPlates> marker_centre;
 };
 
-std::shared_ptr<const StaticsSetup> make_statics_setup(const FingerSpec& spec, const TetMesh& mesh) {
-  return std::make_shared<const StaticsSetup>(spec, mesh);
+std::shared_ptr<const StaticsSetup> make_statics_setup(const FingerSpec& spec, const TetMesh& mesh, Element element) {
+  return std::make_shared<const StaticsSetup>(spec, mesh, element);
 }
 
 /// The loads between two touches: base + s direction. While the touched point stays, base is zero and s is the force,
@@ -92,7 +89,6 @@ struct FingerStatics::Solver {
   }
 
   void reset() {
-    equilibrium.reset();
     place = FacePoint{};
     force_n = 0;
     compliance = 0;
@@ -205,7 +201,6 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
   if (!walk(from, to, base, direction)) {
     history = history_before;
     compliance = compliance_before;
-    equilibrium.reset();
     return false;
   }
   if (!same_place) {
@@ -250,9 +245,17 @@ FemState FingerStatics::state() const {
   return state;
 }
 
+EquilibriumCost FingerStatics::cost() const { return solver_->equilibrium.cost(); }
+
 std::vector<double> FingerStatics::node_displacement_mm() const {
+  std::vector<double> displacement = quadratic_displacement_mm();
+  displacement.resize(3 * solver_->setup->mesh.corner_nodes);
+  return displacement;
+}
+
+std::vector<double> FingerStatics::quadratic_displacement_mm() const {
   std::vector<double> displacement;
-  for (std::size_t node = 0; node < solver_->setup->mesh.corner_nodes; ++node) {
+  for (std::size_t node = 0; node < solver_->setup->mesh.node_mm.size(); ++node) {
     const Eigen::Vector3d u = solver_->displacement(static_cast<int>(node));
     displacement.insert(displacement.end(), u.data(), u.data() + 3);
   }

@@ -18,6 +18,10 @@ nlohmann::json measure_solver(const Model& model, const nlohmann::json& bench, c
 /// The table of hard cases on this model. `quick`: a short random walk.
 nlohmann::json measure_hard_cases(const Model& model, bool quick);
 
+/// The training truth: `built`, its figures from hostgen build, with the comparison with CalculiX on three loads per kind
+/// of element and the table of locking over mesh sizes. `quick`: coarse mesh, one load. Without ccx the difference is null.
+nlohmann::json measure_fem(const std::filesystem::path& spec, const nlohmann::json& built, bool quick);
+
 /// A client's time for one read of 40 registers over loopback, alone and beside a client that sends what is refused.
 nlohmann::json measure_modbus(bool quick);
 

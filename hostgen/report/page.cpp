@@ -56,6 +56,9 @@ std::string shown(const json& value) {
 void add_rows(const json& object, const std::string& prefix, std::ostringstream& out) {
   for (const auto& [key, value] : object.items()) {
     if (key == "why") continue;
+    if (value.is_array() && !value.empty() && value.front().is_object()) {
+      continue;  // a table of its own
+    }
     if (value.is_object()) {
       add_rows(value, prefix + key + ".", out);
     } else {
@@ -73,23 +76,29 @@ void add_section(const json& results, const std::string& key, const std::string&
   out << "</table>\n";
 }
 
-void add_speed_error(const json& rows, std::ostringstream& out) {
-  out << "<h2>Speed against error</h2>\n<p>Distance of every node to the converged shape of the same frame; one core.</p>\n"
-         "<img src=\"speed_error.svg\" alt=\"microseconds per frame against worst distance\">\n<table><tr>";
-  if (rows.empty()) {
-    out << "</tr></table>\n";
-    return;
+/// One line per row; the first row's keys are the columns, unless they are given.
+void add_table(const json& rows, std::vector<std::string> columns, std::ostringstream& out) {
+  if (!rows.is_array() || rows.empty()) return;
+  if (columns.empty()) {
+    for (const auto& [key, value] : rows.front().items()) columns.push_back(key);
   }
-  const std::vector<std::string> columns = {"tier",   "mesh_tets",    "factorisations", "chords", "scalar",
-                                            "motion", "us_per_frame", "worst_mm",       "mean_mm"};
+  out << "<table><tr>";
   for (const auto& column : columns) out << "<th>" << column << "</th>";
   out << "</tr>\n";
   for (const json& row : rows) {
     out << "<tr>";
-    for (const auto& column : columns) out << "<td>" << shown(row[column]) << "</td>";
+    for (const auto& column : columns) out << "<td>" << shown(row.contains(column) ? row[column] : json()) << "</td>";
     out << "</tr>\n";
   }
   out << "</table>\n";
+}
+
+void add_speed_error(const json& rows, std::ostringstream& out) {
+  out << "<h2>Speed against error</h2>\n<p>Distance of every node to the converged shape of the same frame; one core.</p>\n"
+         "<img src=\"speed_error.svg\" alt=\"microseconds per frame against worst distance\">\n";
+  add_table(rows,
+            {"tier", "mesh_tets", "factorisations", "chords", "scalar", "motion", "us_per_frame", "worst_mm", "mean_mm"},
+            out);
 }
 
 }  // namespace
@@ -113,6 +122,11 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   out << "<img src=\"touch_error.svg\" alt=\"touch error against plate motion\">\n";
   add_section(all, "shape", "Shape at the touched point", out);
   add_section(all, "fem", "Finite-element truth", out);
+  out << "<p>The same loads solved by CalculiX: largest distance of a node's place in both.</p>\n";
+  add_table(all["fem"].value("calculix", json()), {"element", "tets", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"},
+            out);
+  out << "<p>Locking: way of the touched point (0, 70) under 0.5 N.</p>\n";
+  add_table(all["fem"].value("locking", json()), {"mesh", "tets", "C3D4_mm", "C3D10_mm", "C3D10_over_C3D4"}, out);
   add_section(all, "real", "Real recordings", out);
   add_section(all, "force", "Contact forces", out);
   add_section(all, "vision", "Pixels to registers", out);

@@ -6,15 +6,30 @@
 #include <fstream>
 
 #include "firmware/input_error.h"
+#include "hostgen/common.h"
 #include "tests/fem/box_mesh.h"
+#include "tests/model/scratch_folder.h"
 
 using namespace finsight;
 using namespace finsight::host;
 
 namespace {
 
-FemDataset small_dataset() {
-  return make_dataset(test::small_finger_spec(), test::small_finger_mesh(), {.points = 4, .forces = 3});
+constexpr DatasetPlan kPlan = {.points = 4, .forces = 3};
+
+FemDataset small_dataset(const Shard& shard = {}, const std::filesystem::path& resume = {}) {
+  return make_dataset(test::small_finger_spec(), test::small_finger_mesh(), kPlan, shard, resume);
+}
+
+/// What an InputError of `work` says; empty if there is none.
+template <class Work>
+std::string refusal(const Work& work) {
+  try {
+    work();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
 }
 
 bool same(const FemDataset& a, const FemDataset& b) {
@@ -22,7 +37,7 @@ bool same(const FemDataset& a, const FemDataset& b) {
   for (std::size_t i = 0; i < a.states.size(); ++i) {
     const FemState &x = a.states[i], &y = b.states[i];
     if (x.path != y.path || x.front_node != y.front_node || x.force_n != y.force_n || x.point_mm != y.point_mm ||
-        x.contact_mm != y.contact_mm || x.valid != y.valid) {
+        x.contact_mm != y.contact_mm || x.valid != y.valid || x.outcome != y.outcome) {
       return false;
     }
     for (std::size_t p = 0; p < kPlates; ++p) {
@@ -32,7 +47,8 @@ bool same(const FemDataset& a, const FemDataset& b) {
       }
     }
   }
-  return a.spec_sha256 == b.spec_sha256 && a.mesh_nodes == b.mesh_nodes;
+  return a.spec_sha256 == b.spec_sha256 && a.mesh_sha256 == b.mesh_sha256 && a.mesh_nodes == b.mesh_nodes &&
+         a.plan.points == b.plan.points && a.plan.forces == b.plan.forces;
 }
 
 }  // namespace
@@ -67,4 +83,61 @@ TEST_CASE("dataset: a push beyond the limit is marked, with all that follow on i
   CHECK(dataset.states[0].valid);
   CHECK_FALSE(dataset.states[3].valid);
   CHECK_FALSE(dataset.states[7].valid);
+  CHECK(dataset.states[3].outcome != Outcome::kEquilibrium);
+  CHECK(dataset.count(Outcome::kEquilibrium) < 8);
+  CHECK(dataset.count(Outcome::kEquilibrium) + dataset.count(Outcome::kPushedTooFar) +
+            dataset.count(Outcome::kNoEquilibrium) == 8);
+}
+
+TEST_CASE("dataset: shards in any order make the same bytes as one run") {
+  const test::ScratchFolder folder;
+  write_dataset(folder / "whole", small_dataset());
+  std::vector<std::filesystem::path> shards;
+  for (int i = 0; i < 3; ++i) {
+    shards.insert(shards.begin(), folder / ("shard" + std::to_string(i)));
+    write_dataset(shards.front(), small_dataset({.index = i, .count = 3}));
+  }
+  write_dataset(folder / "merged", merge_datasets(shards));
+  CHECK(read_file(folder / "merged") == read_file(folder / "whole"));
+  // A shard alone is no training set.
+  CHECK_NOTHROW(check_complete(read_dataset(folder / "merged"), test::small_finger_spec(), test::small_finger_mesh(), "m"));
+  CHECK(refusal([&] {
+          check_complete(read_dataset(shards[0]), test::small_finger_spec(), test::small_finger_mesh(), "s");
+        }).find("path 0 of 4 is missing") != std::string::npos);
+}
+
+TEST_CASE("dataset: what cannot be merged is refused with the file and the reason") {
+  const test::ScratchFolder folder;
+  const auto a = folder / "a", b = folder / "b", other = folder / "other";
+  write_dataset(a, small_dataset({.index = 0, .count = 2}));
+  write_dataset(b, small_dataset({.index = 1, .count = 2}));
+  FingerSpec spec = test::small_finger_spec();
+  spec.sha256 = "fedcba9876543210";
+  write_dataset(other, make_dataset(spec, test::small_finger_mesh(), kPlan, {.index = 1, .count = 2}));
+  CHECK(refusal([&] { merge_datasets({a}); }).find("path 1 of 4 is missing") != std::string::npos);
+  CHECK(refusal([&] { merge_datasets({a, b, a}); }).find("path 0 is in") != std::string::npos);
+  const std::string foreign = refusal([&] { merge_datasets({a, other}); });
+  CHECK(foreign.find(other.string()) != std::string::npos);
+  CHECK(foreign.find("spec_sha256") != std::string::npos);
+}
+
+TEST_CASE("dataset: an interrupted run goes on with the paths that it finished") {
+  const test::ScratchFolder folder;
+  const FemDataset whole = small_dataset({}, folder / "paths");
+  const auto kept = folder / "paths" / "00002.safetensors";
+  REQUIRE(std::filesystem::exists(kept));
+  // A kept path is taken as it is, not computed again: a mark in it comes back.
+  FemDataset marked = read_dataset(kept);
+  marked.states[1].contact_mm.x() = 123;
+  write_dataset(kept, marked);
+  std::filesystem::remove(folder / "paths" / "00001.safetensors");
+  FemDataset again = small_dataset({}, folder / "paths");
+  CHECK(again.states[7].contact_mm.x() == 123);
+  again.states[7].contact_mm = whole.states[7].contact_mm;
+  CHECK(same(again, whole));
+  // Paths of another plan are not mixed in.
+  CHECK(refusal([&] {
+          make_dataset(test::small_finger_spec(), test::small_finger_mesh(), {.points = 4, .forces = 2}, {},
+                       folder / "paths");
+        }).find("forces") != std::string::npos);
 }

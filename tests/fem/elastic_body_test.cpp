@@ -44,7 +44,7 @@ TEST_CASE("elastic body: the tangent is the derivative of the forces") {
   std::vector<double> stress(beam.body.stress_size());
   beam.body.stresses(u, none, stress);
   const CholeskyPlanData& plan = beam.body.plan();
-  std::vector<double> blocks(9 * plan.pattern_row.size());
+  std::vector<float> blocks(9 * plan.pattern_row.size());
   beam.body.tangent(u, stress, blocks);
 
   // Columns of the tangent, gathered from its lower blocks, against central differences.

@@ -1,0 +1,186 @@
+// Training sets as safetensors files, whole and in shards.
+#include "hostgen/fem/dataset_file.h"
+
+#include <algorithm>
+#include <map>
+
+#include "firmware/input_error.h"
+#include "hostgen/common.h"
+#include "hostgen/pack/tensor_file.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr std::size_t kDatasetLimit_bytes = std::size_t{512} << 20;
+constexpr std::size_t kStateNumbers = 1 + 3 + 3 + 6 * kPlates;  // force, point, contact, plates
+constexpr const char* kFormat = "2";
+
+int count_in(const SafetensorsFile& in, const std::string& key) {
+  const std::string& text = in.metadata(key);
+  const int count = text.size() < 8 && text.find_first_not_of("0123456789") == text.npos ? std::atoi(text.c_str()) : 0;
+  if (count < 1) throw InputError(in.path(), key, "'" + text + "'", "a number of 1 or more");
+  return count;
+}
+
+// Paths come in order, each whole, none left out.
+void check_all_paths(const FemDataset& dataset, const std::string& name) {
+  const auto forces = static_cast<std::size_t>(dataset.plan.forces);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(dataset.plan.points) * forces; ++i) {
+    const int path = static_cast<int>(i / forces);
+    if (i >= dataset.states.size() || dataset.states[i].path != path) {
+      throw InputError(name, "path " + std::to_string(path) + " of " + std::to_string(dataset.plan.points) + " is missing");
+    }
+  }
+}
+
+}  // namespace
+
+void write_dataset(const std::filesystem::path& file, const FemDataset& dataset) {
+  const auto count = static_cast<std::int64_t>(dataset.states.size());
+  std::vector<float> numbers;
+  std::vector<std::int32_t> labels;
+  std::vector<std::uint8_t> valid, outcome;
+  const auto append = [&](const Vec3f& v) { numbers.insert(numbers.end(), v.data(), v.data() + 3); };
+  for (const FemState& state : dataset.states) {
+    numbers.push_back(state.force_n);
+    append(state.point_mm);
+    append(state.contact_mm);
+    for (const PlateMotion& plate : state.plates) {
+      append(plate.displacement_mm);
+      append(plate.rotation_rad);
+    }
+    labels.insert(labels.end(), {state.path, state.front_node});
+    valid.push_back(state.valid);
+    outcome.push_back(static_cast<std::uint8_t>(state.outcome));
+  }
+  TensorFile out;
+  out.metadata = {{"finsight_dataset", kFormat},
+                  {"spec_sha256", dataset.spec_sha256},
+                  {"mesh_sha256", dataset.mesh_sha256},
+                  {"points", std::to_string(dataset.plan.points)},
+                  {"forces", std::to_string(dataset.plan.forces)},
+                  {"outcomes", "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling)"},
+                  {"columns", "force_n, point_mm xyz, contact_mm xyz, top/middle/low displacement_mm xyz rotation_rad xyz"}};
+  out.add("states", {count, kStateNumbers}, numbers);
+  out.add("path_and_front_node", {count, 2}, labels);
+  out.add("valid", {count}, valid);
+  out.add("outcome", {count}, outcome);
+  out.add("node_displacement_mm", {count, static_cast<std::int64_t>(dataset.mesh_nodes), 3}, dataset.node_displacement_mm);
+  out.write(file);
+}
+
+FemDataset read_dataset(const std::filesystem::path& file) {
+  const SafetensorsFile in = SafetensorsFile::open(file, kDatasetLimit_bytes);
+  if (in.metadata("finsight_dataset") != kFormat) {
+    throw InputError(file.string(), "finsight_dataset", in.metadata("finsight_dataset"), kFormat);
+  }
+  const auto numbers = in.tensor<float>("states", {-1, kStateNumbers});
+  const auto count = static_cast<std::int64_t>(numbers.size() / kStateNumbers);
+  const auto labels = in.tensor<std::int32_t>("path_and_front_node", {count, 2});
+  const auto outcome = in.tensor<std::uint8_t>("outcome", {count});
+  const auto displacement = in.tensor<float>("node_displacement_mm", {count, -1, 3});
+
+  FemDataset dataset{.spec_sha256 = in.metadata("spec_sha256"),
+                     .states = {},
+                     .node_displacement_mm = {displacement.begin(), displacement.end()},
+                     .mesh_nodes = static_cast<std::size_t>(in.shape("node_displacement_mm")[1]),
+                     .plan = {count_in(in, "points"), count_in(in, "forces")},
+                     .mesh_sha256 = in.metadata("mesh_sha256")};
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+    const float* row = &numbers[kStateNumbers * i];
+    if (outcome[i] > 2) in.refuse("outcome", std::to_string(outcome[i]), "0, 1 or 2");
+    if (labels[2 * i] < 0 || labels[2 * i] >= dataset.plan.points) {
+      in.refuse("path_and_front_node", std::to_string(labels[2 * i]), "a path below the number of points");
+    }
+    FemState state{.path = labels[2 * i],
+                   .front_node = labels[2 * i + 1],
+                   .force_n = row[0],
+                   .point_mm = Eigen::Map<const Vec3f>(row + 1),
+                   .contact_mm = Eigen::Map<const Vec3f>(row + 4),
+                   .plates = {},
+                   .valid = outcome[i] == 0,
+                   .outcome = static_cast<Outcome>(outcome[i])};
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      state.plates[p] = {Eigen::Map<const Vec3f>(row + 7 + 6 * p), Eigen::Map<const Vec3f>(row + 10 + 6 * p)};
+    }
+    dataset.states.push_back(state);
+    const std::size_t first = i - i % static_cast<std::size_t>(dataset.plan.forces);
+    if (state.path != dataset.states[first].path) {
+      in.refuse("path_and_front_node", std::to_string(state.path), "all forces of a path together");
+    }
+  }
+  if (dataset.states.size() % static_cast<std::size_t>(dataset.plan.forces) != 0) {
+    in.refuse("states", std::to_string(count), "a multiple of the number of forces");
+  }
+  return dataset;
+}
+
+void append(const FemDataset& part, FemDataset& whole) {
+  whole.states.insert(whole.states.end(), part.states.begin(), part.states.end());
+  whole.node_displacement_mm.insert(whole.node_displacement_mm.end(), part.node_displacement_mm.begin(),
+                                    part.node_displacement_mm.end());
+}
+
+void check_same_plan(const FemDataset& expected, const FemDataset& found, const std::filesystem::path& file) {
+  const auto check = [&](const char* field, const std::string& is, const std::string& should) {
+    if (is != should) throw InputError(file.string(), field, is, should + " as in the rest of the set");
+  };
+  check("spec_sha256", found.spec_sha256, expected.spec_sha256);
+  check("mesh_sha256", found.mesh_sha256, expected.mesh_sha256);
+  check("points", std::to_string(found.plan.points), std::to_string(expected.plan.points));
+  check("forces", std::to_string(found.plan.forces), std::to_string(expected.plan.forces));
+}
+
+FemDataset merge_datasets(const std::vector<std::filesystem::path>& files) {
+  std::vector<FemDataset> shards;
+  for (const auto& file : files) {
+    shards.push_back(read_dataset(file));
+    check_same_plan(shards.front(), shards.back(), file);
+  }
+  // Where the states of each path begin: in which shard, at which state.
+  struct Place {
+    std::size_t shard, state;
+  };
+  std::map<std::int32_t, Place> places;
+  for (std::size_t s = 0; s < shards.size(); ++s) {
+    for (std::size_t i = 0; i < shards[s].states.size(); i += static_cast<std::size_t>(shards[s].plan.forces)) {
+      const auto [place, is_new] = places.try_emplace(shards[s].states[i].path, Place{s, i});
+      if (is_new) continue;
+      throw InputError(files[s].string(), "path " + std::to_string(place->first) + " is in " +
+                                              files[place->second.shard].string() + " as well");
+    }
+  }
+  FemDataset whole = shards.front();
+  whole.states.clear();
+  whole.node_displacement_mm.clear();
+  for (const auto& [path, place] : places) {
+    const FemDataset& shard = shards[place.shard];
+    const auto from = static_cast<std::ptrdiff_t>(place.state), count = static_cast<std::ptrdiff_t>(shard.plan.forces);
+    const auto size = static_cast<std::ptrdiff_t>(3 * shard.mesh_nodes);
+    whole.states.insert(whole.states.end(), shard.states.begin() + from, shard.states.begin() + from + count);
+    whole.node_displacement_mm.insert(whole.node_displacement_mm.end(), shard.node_displacement_mm.begin() + from * size,
+                                      shard.node_displacement_mm.begin() + (from + count) * size);
+  }
+  check_all_paths(whole, files.size() == 1 ? files.front().string() : std::to_string(files.size()) + " shards");
+  return whole;
+}
+
+void check_complete(const FemDataset& dataset, const FingerSpec& spec, const TetMesh& mesh,
+                    const std::filesystem::path& file) {
+  FemDataset expected;
+  expected.spec_sha256 = spec.sha256;
+  expected.mesh_sha256 = mesh_sha256(mesh);
+  expected.plan = dataset.plan;
+  check_same_plan(expected, dataset, file);
+  check_all_paths(dataset, file.string());
+}
+
+std::string mesh_sha256(const TetMesh& mesh) {
+  const auto bytes = [](const auto& values) {
+    return std::string(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(values[0]));
+  };
+  return sha256_hex(bytes(mesh.node_mm) + bytes(mesh.tets) + bytes(mesh.region));
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,43 @@
+#include "hostgen/fem/calculix.h"
+
+#include <doctest/doctest.h>
+
+#include "tests/fem/box_mesh.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+TEST_CASE("calculix: both solvers agree on three loads, with linear and with quadratic elements") {
+  if (!calculix_present()) {
+    MESSAGE("skipped: ccx is not installed (Debian: apt-get install calculix-ccx)");
+    return;
+  }
+  const FingerSpec spec = test::small_finger_spec();
+  const TetMesh mesh = test::small_finger_mesh();
+  for (const Element element : {Element::kC3D4, Element::kC3D10}) {
+    for (const LoadCase& load :
+         {LoadCase{Vec3f(0, 54, 0), 0.6}, LoadCase{Vec3f(5, 40, 0), 1.5}, LoadCase{Vec3f(-3, 25, 0), 4}}) {
+      CAPTURE(static_cast<int>(element));
+      CAPTURE(load.force_n);
+      const CalculixComparison result = compare_with_calculix(spec, mesh, element, load);
+      CHECK(result.largest_mm > (element == Element::kC3D4 ? 0.3 : 1));
+      CHECK(result.difference_mm < 1e-5);
+    }
+  }
+}
+
+TEST_CASE("calculix: the deck holds the whole load, along the inward normal") {
+  const QuadraticMesh mesh = make_quadratic(test::small_finger_mesh());
+  const std::string deck = calculix_deck(test::small_finger_spec(), mesh, {Vec3f(1, 33, 0), 2});
+  const std::string loads = deck.substr(deck.find("*CLOAD\n") + 7);
+  double along[4] = {};
+  for (std::size_t at = 0; at < loads.find("*NODE PRINT"); at = loads.find('\n', at) + 1) {
+    int node = 0, axis = 0;
+    double force_n = 0;
+    REQUIRE(std::sscanf(loads.c_str() + at, "%d, %d, %lf", &node, &axis, &force_n) == 3);
+    along[axis] += force_n;
+  }
+  CHECK(along[1] == doctest::Approx(0));
+  CHECK(along[2] == doctest::Approx(0));
+  CHECK(along[3] == doctest::Approx(2));
+}

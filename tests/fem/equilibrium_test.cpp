@@ -1,0 +1,79 @@
+#include "hostgen/fem/equilibrium.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/fem/box_mesh.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+namespace {
+
+struct Beam {
+  QuadraticMesh mesh = make_quadratic(test::box_mesh({{0, 0, 0}, {4, 30, 4}, {1, 8, 1}}));
+  ElasticBody body{mesh, std::vector<NeoHookean>(mesh.tets.size(), neo_hookean(10, 0.47))};
+  ElasticState rest{body};
+
+  Beam() { body.stresses(rest.u, rest.u, rest.stress); }
+
+  /// `force_n` along axis `axis`, shared by the corner nodes of the beam's end.
+  std::vector<double> load(double force_n, std::size_t axis) const {
+    std::vector<double> load(body.vector_size());
+    for (std::size_t node = 0; node < mesh.corner_nodes; ++node) {
+      if (mesh.node_mm[node].y() != 30) continue;
+      load[3 * static_cast<std::size_t>(body.unknown_of_node()[node]) + axis] = force_n / 4;
+    }
+    return load;
+  }
+  double unbalanced(const std::vector<double>& load, const ElasticState& state) const {
+    std::vector<double> force(body.vector_size());
+    body.forces(state.u, force);
+    double sum = 0, size = 0;
+    for (std::size_t i = 0; i < body.solved_size(); ++i) {
+      sum += (load[i] - force[i]) * (load[i] - force[i]);
+      size += load[i] * load[i];
+    }
+    return std::sqrt(sum / size);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("equilibrium: internal forces balance the load to 1e-8, although the factor is in single precision") {
+  const Beam beam;
+  Equilibrium equilibrium(beam.body);
+  ElasticState state = beam.rest;
+  double force_n = 0;
+  for (int step = 0; step < 4; ++step) {
+    force_n += 0.02;
+    const auto load = beam.load(force_n, 2);
+    REQUIRE(equilibrium.solve(load, state));
+    CHECK(beam.unbalanced(load, state) <= 1e-8);
+  }
+  CHECK(equilibrium.cost().factorisations >= 4);
+  CHECK(equilibrium.cost().steps > equilibrium.cost().factorisations);  // chords were taken
+}
+
+TEST_CASE("equilibrium: an answer depends on its start alone") {
+  const Beam beam;
+  Equilibrium used(beam.body), fresh(beam.body);
+  ElasticState other = beam.rest, first = beam.rest, second = beam.rest;
+  REQUIRE(used.solve(beam.load(0.03, 0), other));
+  REQUIRE(used.solve(beam.load(0.02, 2), first));
+  REQUIRE(fresh.solve(beam.load(0.02, 2), second));
+  CHECK(first.u == second.u);
+  CHECK(first.stress == second.stress);
+}
+
+TEST_CASE("equilibrium: a straight column under more than its buckling load is refused") {
+  const Beam beam;
+  Equilibrium equilibrium(beam.body);
+  // Euler: pi^2 E I / (4 L^2) = 0.58 N
+  ElasticState state = beam.rest;
+  CHECK(equilibrium.solve(beam.load(-0.3, 1), state));
+  state = beam.rest;
+  CHECK_FALSE(equilibrium.solve(beam.load(-1.2, 1), state));
+}
