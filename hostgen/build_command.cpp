@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "firmware/input_error.h"
 #include "firmware/self_test.h"
 #include "hostgen/commands.h"
 #include "hostgen/common.h"
@@ -21,7 +22,7 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path spec, output;
+  std::filesystem::path spec, output, dataset, save_dataset;
   std::string profile = "quick";
   int points = 0, forces = 0, training_steps = 0;  // 0: the profile's
   std::uint64_t seed = 1;
@@ -111,6 +112,19 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
   check_self_test(Model::open(options.output));
 }
 
+/// States that `hostgen dataset` has made of this spec and mesh.
+FemDataset read_states(const std::filesystem::path& file, const FingerSpec& spec, const TetMesh& mesh) {
+  FemDataset dataset = read_dataset(file);
+  if (dataset.spec_sha256 != spec.sha256) {
+    throw InputError(file.string(), "spec_sha256", dataset.spec_sha256, spec.sha256 + " of " + spec.file.string());
+  }
+  if (dataset.mesh_nodes != mesh.node_mm.size()) {
+    throw InputError(file.string(), "node_displacement_mm", std::to_string(dataset.mesh_nodes) + " nodes",
+                     std::to_string(mesh.node_mm.size()));
+  }
+  return dataset;
+}
+
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
@@ -126,12 +140,15 @@ void run(const Options& options) {
 
   BuildFigures figures{.profile = options.profile};
   const auto fem_start = std::chrono::steady_clock::now();
-  const FemDataset dataset = make_dataset(parts.spec, mesh, profile.dataset);
-  figures.fem_seconds = seconds_since(fem_start);
+  const FemDataset dataset = options.dataset.empty() ? make_dataset(parts.spec, mesh, profile.dataset)
+                                                     : read_states(options.dataset, parts.spec, mesh);
+  if (options.dataset.empty()) figures.fem_seconds = seconds_since(fem_start);
   figures.fem_states = dataset.states.size();
   for (const FemState& state : dataset.states) figures.fem_failed += !state.valid;
   std::printf("finite elements: %zu states, %zu not valid, %.1f s\n", figures.fem_states, figures.fem_failed,
               figures.fem_seconds);
+
+  if (!options.save_dataset.empty()) write_dataset(options.save_dataset, dataset);
 
   const auto training_start = std::chrono::steady_clock::now();
   parts.prior = fit_plate_prior(dataset);
@@ -162,6 +179,8 @@ void add_build_command(CLI::App& app) {
   command->add_option("--profile", options->profile, "quick: some minutes; full: the paper's 570 points x 21 forces")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();
+  command->add_option("--dataset", options->dataset, "states that `hostgen dataset` has made, instead of computing them");
+  command->add_option("--save-dataset", options->save_dataset, "keep the states in this file (.safetensors)");
   command->add_option("--points", options->points, "touched points, instead of the profile's")->check(CLI::Range(5, 5000));
   command->add_option("--forces", options->forces, "forces per point, instead of the profile's")->check(CLI::Range(2, 200));
   command->add_option("--training-steps", options->training_steps, "Adam steps, instead of the profile's")

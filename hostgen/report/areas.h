@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "firmware/model/model.h"
+#include "hostgen/fem/dataset.h"
 
 namespace finsight::host {
 
@@ -22,5 +23,14 @@ nlohmann::json measure_modbus(bool quick);
 
 /// Whole-frame time (pixels to registers) over a rendered session.
 nlohmann::json measure_vision(const Model& model, const std::filesystem::path& session, bool quick);
+
+/// `built`: the figures of the build. With the finger's spec and states also the paper's table 2, and how well the shape is
+/// known at the touched point; null without. Plots touch_error.svg and touch_calibration.svg into `folder`.
+nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, const FingerSpec* spec,
+                             const FemDataset* dataset, const std::filesystem::path& folder, bool quick);
+
+/// Networks on a CSV of recordings, and its audit with a picture, recordings.svg; without a file the reason.
+nlohmann::json measure_real(const Model& model, const std::filesystem::path& recordings,
+                            const std::filesystem::path& folder, bool quick);
 
 }  // namespace finsight::host
