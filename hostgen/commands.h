@@ -15,5 +15,8 @@ void add_inspect_command(CLI::App& app);
 void add_render_command(CLI::App& app);
 void add_plc_command(CLI::App& app);
 void add_report_command(CLI::App& app);
+void add_import_recordings_command(CLI::App& app);
+void add_audit_command(CLI::App& app);
+void add_train_command(CLI::App& app);
 
 }  // namespace finsight::host

@@ -17,7 +17,7 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path pack, spec, folder, bench;
+  std::filesystem::path pack, spec, folder, bench, dataset, recordings;
   bool quick = false;
   std::vector<std::string> areas;
 };
@@ -40,8 +40,20 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
   }
   if (area == "modbus") return measure_modbus(options.quick);
   if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.quick);
+  if (area == "real") return measure_real(model, options.recordings, options.folder, options.quick);
   const nlohmann::json built = read_build_figures(options.pack);  // fem and touch were measured when the pack was made
   if (area == "fem") return measure_fem(options.spec, built[area], options.quick);
+  if (area == "touch") {
+    if (options.dataset.empty()) {
+      return measure_touch(built["touch"], model, nullptr, nullptr, options.folder, options.quick);
+    }
+    const FingerSpec spec = read_finger_spec(options.spec);
+    const FemDataset dataset = read_dataset(options.dataset);
+    if (dataset.spec_sha256 != spec.sha256 || dataset.mesh_nodes != static_cast<std::size_t>(model.shape.nodes)) {
+      throw InputError(options.dataset.string(), "holds states of another finger or mesh than " + options.spec.string());
+    }
+    return measure_touch(built["touch"], model, &spec, &dataset, options.folder, options.quick);
+  }
   return {{area, built[area]}};
 }
 
@@ -72,6 +84,8 @@ void add_report_command(CLI::App& app) {
   command->add_option("--spec", options->spec, "finger spec that the pack was made of")->required();
   command->add_option("--pack", options->pack, "model pack")->required();
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
+  command->add_option("--dataset", options->dataset, "the pack's finite-element states, for area touch");
+  command->add_option("--recordings", options->recordings, "CSV of recorded touches, for area real");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();
   command->add_flag("--quick", options->quick, "shorter motions and fewer reads");
   command->callback([options] { run(*options); });

@@ -15,7 +15,7 @@ constexpr int kColumns = 13;
 constexpr std::array<const char*, kColumns> kColumnName = {
     "recording", "frame",     "marker_tx_mm", "marker_ty_mm", "marker_tz_mm", "marker_qx",   "marker_qy",
     "marker_qz", "marker_qw", "touch_x_mm",   "touch_y_mm",   "touch_z_mm",   "surface_node"};
-constexpr int kTranslation = 2, kQuaternion = 5, kPen = 9;
+constexpr int kTranslation = 2, kQuaternion = 5, kPen = 9, kNode = 12;
 constexpr double kLargest = 1e6;  // a number beyond this is no length in mm; it also keeps floats finite
 constexpr double kUnitTolerance = 1e-2;
 
@@ -64,6 +64,12 @@ double number(const Row& row, int column, const Place& place) {
     place.refuse(column, shown(text), "a number of at most 1e6");
   }
   return value;
+}
+
+int label(const Row& row, int column, const Place& place) {
+  const double value = number(row, column, place);
+  if (value != std::floor(value)) place.refuse(column, shown(row[column]), "a whole number");
+  return static_cast<int>(value);
 }
 
 Eigen::Vector3d vector(const Row& row, int column, const Place& place) {
@@ -128,10 +134,14 @@ RecordedMotion read_recorded_motion(const std::filesystem::path& csv, const std:
     const Row row = split(line, place);
     const PlatePoses poses = top_plate_poses(row, place);
     const Eigen::Vector3d pen_mm = vector(row, kPen, place);
+    const int surface_node = label(row, kNode, place);
     recordings.emplace(row[0]);
     if (!recording.empty() && row[0] != recording) continue;
     motion.poses.push_back(poses);
     motion.pen_mm.push_back(pen_mm.cast<float>());
+    motion.recording.emplace_back(row[0]);
+    motion.surface_node.push_back(surface_node);
+    motion.line.push_back(static_cast<int>(place.line));
   }
   if (motion.poses.empty()) {
     throw InputError(name, "recording", recording.empty() ? "no row" : "none named " + shown(recording),

@@ -98,6 +98,10 @@ class Y4mWriter {
 struct RecordedMotion {
   std::vector<PlatePoses> poses;
   std::vector<Vec3f> pen_mm;  ///< where the pen's tip was
+  // What a row belongs to, and where in the file it stands.
+  std::vector<std::string> recording;
+  std::vector<int> surface_node;  ///< label of the contact point
+  std::vector<int> line;          ///< of the file, from 1
 };
 /// One recording of the file; all of them, in file order, when `recording` is empty. Throws InputError with the line
 /// and column: wrong columns, what is not a finite number, quaternions that are not of length 1 within 1e-2, no such

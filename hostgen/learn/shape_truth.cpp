@@ -26,29 +26,40 @@ std::optional<std::vector<float>> converged_displacement(NewtonSolver<double>& s
   return displacement;
 }
 
+struct PoseSample {
+  PlateNumbers numbers;
+  std::size_t state;
+  bool noisy;
+};
+
+std::vector<PoseSample> pose_samples(const FingerSpec& spec, const FemDataset& dataset, int noisy_copies,
+                                     std::uint64_t seed) {
+  std::vector<PoseSample> samples;
+  Random random(seed);
+  for (std::size_t i = 0; i < dataset.states.size(); ++i) {
+    if (!dataset.states[i].valid) continue;
+    for (int copy = 0; copy <= noisy_copies; ++copy) {
+      samples.push_back({touch_sample(dataset.states[i]).numbers, i, copy > 0});
+      if (copy > 0) add_noise(spec.noise, random, samples.back().numbers);
+    }
+  }
+  return samples;
+}
+
 }  // namespace
 
 ShapeSamples converged_shapes(const FingerSpec& spec, const ShapeModel& shape, const MountModel& mount,
                               const FemDataset& dataset, int noisy_copies, std::uint64_t seed) {
-  std::vector<PlateNumbers> numbers;
-  Random random(seed);
-  for (const FemState& state : dataset.states) {
-    if (!state.valid) continue;
-    for (int copy = 0; copy <= noisy_copies; ++copy) {
-      numbers.push_back(touch_sample(state).numbers);
-      if (copy > 0) add_noise(spec.noise, random, numbers.back());
-    }
-  }
-
+  const std::vector<PoseSample> poses = pose_samples(spec, dataset, noisy_copies, seed);
   // Solves in batches, so that a worker's solver serves many samples.
   constexpr std::size_t kBatch = 32;
-  std::vector<std::optional<std::vector<float>>> shapes(numbers.size());
-  Progress progress("converged shapes", numbers.size());
-  parallel_for((numbers.size() + kBatch - 1) / kBatch, [&](std::size_t batch) {
+  std::vector<std::optional<std::vector<float>>> shapes(poses.size());
+  Progress progress("converged shapes", poses.size());
+  parallel_for((poses.size() + kBatch - 1) / kBatch, [&](std::size_t batch) {
     NewtonSolver<double> solver(shape, mount);
-    for (std::size_t i = batch * kBatch; i < std::min(numbers.size(), (batch + 1) * kBatch); ++i) {
+    for (std::size_t i = batch * kBatch; i < std::min(poses.size(), (batch + 1) * kBatch); ++i) {
       if (interrupted()) throw Interrupted();
-      shapes[i] = converged_displacement(solver, shape, seen_poses({numbers[i].data(), 18}));
+      shapes[i] = converged_displacement(solver, shape, seen_poses({poses[i].numbers.data(), 18}));
       progress.advance();
     }
   });
@@ -61,9 +72,29 @@ ShapeSamples converged_shapes(const FingerSpec& spec, const ShapeModel& shape, c
   Eigen::Index row = 0;
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     if (!shapes[i]) continue;
-    samples.poses.row(row) = numbers[i].transpose();
-    samples.displacement_mm.row(row) = Eigen::Map<const Eigen::RowVectorXf>(shapes[i]->data(), samples.displacement_mm.cols());
+    samples.poses.row(row) = poses[i].numbers.transpose();
+    samples.displacement_mm.row(row) =
+        Eigen::Map<const Eigen::RowVectorXf>(shapes[i]->data(), samples.displacement_mm.cols());
+    samples.state.push_back(poses[i].state);
+    samples.noisy.push_back(poses[i].noisy);
     ++row;
+  }
+  return samples;
+}
+
+ShapeSamples contact_shapes(const FingerSpec& spec, const FemDataset& dataset, int noisy_copies, std::uint64_t seed) {
+  const std::vector<PoseSample> poses = pose_samples(spec, dataset, noisy_copies, seed);
+  const auto size = static_cast<Eigen::Index>(3 * dataset.mesh_nodes);
+  ShapeSamples samples;
+  samples.poses.resize(static_cast<Eigen::Index>(poses.size()), 18);
+  samples.displacement_mm.resize(samples.poses.rows(), size);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const auto row = static_cast<Eigen::Index>(i);
+    samples.poses.row(row) = poses[i].numbers.transpose();
+    samples.displacement_mm.row(row) = Eigen::Map<const Eigen::RowVectorXf>(
+        &dataset.node_displacement_mm[poses[i].state * 3 * dataset.mesh_nodes], size);
+    samples.state.push_back(poses[i].state);
+    samples.noisy.push_back(poses[i].noisy);
   }
   return samples;
 }

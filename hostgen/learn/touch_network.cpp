@@ -55,8 +55,8 @@ class Measurements {
 
 // Inputs and outputs of about one: statistics of measured touches. The flags count from "seen", so that in the usual
 // case they add nothing.
+constexpr int kDraws = 4096;
 TouchModelData fit_normalisation(Measurements& measurements) {
-  constexpr int kDraws = 4096;
   TouchModelData model;
   for (int i = 0; i < 18; ++i) model.scale.push_back(i % 6 < 3 ? 1.0f : kMillimetresPerRadian);
   model.input_mean.assign(TouchModel::kInputs, 0.0f);
@@ -114,7 +114,7 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
                                  const std::function<void()>& tick) {
   Random random(seed);
   Measurements measurements(touches, noise, prior, random);
-  TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, random), fit_normalisation(measurements)};
+  TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, random), fit_normalisation(measurements), {}};
   TouchModelData& model = trained.model;
   model.widths = kWidths;
   const TouchModel view = model.view();
@@ -131,26 +131,10 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
     adam.step(trained.network, cosine_rate(kPeakRate, step, plan.steps));
     tick();
   }
+  trained.sample_inputs.resize(TouchModel::kInputs, kDraws);
+  targets.resize(kMeans, kDraws);
+  measurements.draw(view, trained.sample_inputs, targets);
   return trained;
-}
-
-void quantise(TouchNetwork& trained) {
-  constexpr float kLargest = 127.0f;
-  for (std::size_t l = 0; l < 3; ++l) {
-    const Network::Layer& layer = trained.network.layers()[l];
-    TouchModelData& model = trained.model;
-    model.weights[l].clear();
-    model.weight_scale[l].clear();
-    for (int o = 0; o < layer.weights.rows(); ++o) {
-      const float largest = layer.weights.row(o).cwiseAbs().maxCoeff();
-      const float scale = largest > 0 ? largest / kLargest : 1.0f;
-      for (const float weight : layer.weights.row(o)) {
-        model.weights[l].push_back(static_cast<std::int8_t>(std::lround(weight / scale)));
-      }
-      model.weight_scale[l].push_back(scale);
-    }
-    model.bias[l].assign(layer.bias.begin(), layer.bias.end());
-  }
 }
 
 Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PlateNumbers& numbers,

@@ -13,7 +13,8 @@ namespace finsight::host {
 /// A float network with the normalisation of its inputs and outputs.
 struct TouchNetwork {
   Network network;
-  TouchModelData model;  ///< everything but the weights, until quantise()
+  TouchModelData model;           ///< everything but the weights, until quantise()
+  Eigen::MatrixXf sample_inputs;  ///< [TouchModel::kInputs, samples] normalised, as in training: for quantise()
 };
 
 /// Trains on `touches`, each time with fresh pose noise and sometimes without some plates.
@@ -32,7 +33,8 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient);
 
-/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`.
+/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`, so that the
+/// outputs for `trained.sample_inputs` change least.
 void quantise(TouchNetwork& trained);
 
 /// The float network's eleven numbers in physical units, for one pose.

@@ -6,18 +6,11 @@
 #include <limits>
 
 #include "firmware/touch/touch_stage.h"
+#include "hostgen/statistics.h"
 
 namespace finsight::host {
 
 namespace {
-
-// Value below which `share` of the numbers lie; 1 if there are none.
-double quantile(std::vector<double> numbers, double share) {
-  if (numbers.empty()) return 1.0;
-  const auto rank = static_cast<std::ptrdiff_t>(share * static_cast<double>(numbers.size() - 1) + 0.5);
-  std::nth_element(numbers.begin(), numbers.begin() + rank, numbers.end());
-  return numbers[static_cast<std::size_t>(rank)];
-}
 
 double radii(const TouchTrial& trial) {
   return static_cast<double>(trial.error_mm.norm()) / static_cast<double>(trial.radius_68_mm);
@@ -52,8 +45,8 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
       const Touch& touch = stage.locate(poses_of(numbers, seen));
       const Vec3f float_point_mm = evaluate(trained, numbers, seen).head<3>();
       trials.push_back({state.path, state.point_mm, touch.point_mm - state.point_mm, touch.plate_motion_mm,
-                        touch.radius_68_mm, touch.force_n - state.force_n, touch.force_sigma_n,
-                        (touch.point_mm - float_point_mm).norm()});
+                        touch.radius_68_mm, state.force_n, touch.force_n - state.force_n, touch.force_sigma_n,
+                        (touch.point_mm - float_point_mm).norm(), (float_point_mm - state.point_mm).norm()});
     }
   }
   return trials;
@@ -66,7 +59,7 @@ Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm
     radius.push_back(radii(trial));
     force.push_back(static_cast<double>(std::abs(trial.force_error_n) / trial.force_sigma_n));
   }
-  return {quantile(std::move(radius), 0.68), quantile(std::move(force), 0.6827)};
+  return {quantile(std::move(radius), 0.68, 1.0), quantile(std::move(force), 0.6827, 1.0)};
 }
 
 // The network answers logarithms of standard deviations, so a factor is an addition to their means.
@@ -108,7 +101,7 @@ TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
   return score;
 }
 
-std::array<double, 2> cross_coverage(const std::vector<TouchTrial>& trials, double threshold_mm) {
+std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm) {
   std::vector<std::int32_t> paths;
   for (const TouchTrial& trial : trials) paths.push_back(trial.path);
   std::sort(paths.begin(), paths.end());
@@ -118,40 +111,116 @@ std::array<double, 2> cross_coverage(const std::vector<TouchTrial>& trials, doub
     const auto place = std::lower_bound(paths.begin(), paths.end(), trial.path) - paths.begin();
     halves[static_cast<std::size_t>(place % 2)].push_back(trial);
   }
-  double inside = 0, inside_twice = 0, count = 0;
+  std::vector<TouchTrial> calibrated;
   for (std::size_t half = 0; half < 2; ++half) {
-    const double radius = calibrate(halves[1 - half], threshold_mm).radius;
-    for (const TouchTrial& trial : halves[half]) {
-      if (trial.plate_motion_mm < threshold_mm) continue;
-      inside += radii(trial) <= radius;
-      inside_twice += radii(trial) <= 2.0 * radius;
-      ++count;
+    const Calibration calibration = calibrate(halves[1 - half], threshold_mm);
+    for (TouchTrial trial : halves[half]) {
+      trial.radius_68_mm *= static_cast<float>(calibration.radius);
+      trial.force_sigma_n *= static_cast<float>(calibration.force);
+      calibrated.push_back(trial);
     }
   }
-  return {inside / std::max(1.0, count), inside_twice / std::max(1.0, count)};
+  return calibrated;
 }
 
-std::string error_table(const std::vector<TouchTrial>& trials) {
+std::vector<TouchBand> error_bands(const std::vector<TouchTrial>& trials) {
   constexpr double kEdges_mm[] = {0, 1, 2, 4, 7, 12, 1000};
-  std::string table;
-  for (std::size_t band = 0; band + 1 < std::size(kEdges_mm); ++band) {
+  std::vector<TouchBand> bands;
+  for (std::size_t b = 0; b + 1 < std::size(kEdges_mm); ++b) {
+    TouchBand band{.from_mm = kEdges_mm[b], .to_mm = kEdges_mm[b + 1]};
     std::vector<double> errors;
-    double sum = 0, inside = 0, inside_twice = 0;
     for (const TouchTrial& trial : trials) {
-      if (trial.plate_motion_mm < kEdges_mm[band] || trial.plate_motion_mm >= kEdges_mm[band + 1]) continue;
+      const double motion_mm = static_cast<double>(trial.plate_motion_mm);
+      if (motion_mm < band.from_mm || motion_mm >= band.to_mm) continue;
       errors.push_back(static_cast<double>(trial.error_mm.norm()));
-      sum += errors.back();
-      inside += radii(trial) <= 1.0;
-      inside_twice += radii(trial) <= 2.0;
+      band.mean_mm += errors.back();
+      band.coverage_68 += radii(trial) <= 1.0;
+      band.coverage_95 += radii(trial) <= 2.0;
     }
     if (errors.empty()) continue;
-    const double count = static_cast<double>(errors.size());
+    band.touches = errors.size();
+    for (double* share : {&band.mean_mm, &band.coverage_68, &band.coverage_95})
+      *share /= static_cast<double>(errors.size());
+    band.error_95_mm = quantile(std::move(errors), 0.95);
+    bands.push_back(band);
+  }
+  return bands;
+}
+
+std::vector<ForceBand> force_bands(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  std::vector<ForceBand> bands;
+  for (int newton = 0; newton < 100; ++newton) {
+    ForceBand band{.from_n = newton + 0.0, .to_n = newton + 1.0};
+    double square = 0, inside = 0;
+    for (const TouchTrial& trial : trials) {
+      const bool here = trial.force_n >= static_cast<float>(newton) && trial.force_n < static_cast<float>(newton + 1);
+      if (!here || trial.plate_motion_mm < threshold_mm) continue;
+      const double error = static_cast<double>(trial.force_error_n);
+      ++band.touches;
+      square += error * error;
+      band.bias_n += error;
+      inside += std::abs(trial.force_error_n) <= trial.force_sigma_n;
+    }
+    if (band.touches == 0) continue;
+    const double count = static_cast<double>(band.touches);
+    band.rmse_n = std::sqrt(square / count);
+    band.bias_n /= count;
+    band.coverage_68 = inside / count;
+    bands.push_back(band);
+  }
+  return bands;
+}
+
+std::vector<double> coverage_curve(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  constexpr int kSteps = 30;
+  std::vector<double> curve(kSteps, 0.0);
+  double count = 0;
+  for (const TouchTrial& trial : trials) {
+    if (trial.plate_motion_mm < threshold_mm) continue;
+    ++count;
+    for (int k = 0; k < kSteps; ++k) curve[static_cast<std::size_t>(k)] += radii(trial) <= 0.1 * (k + 1);
+  }
+  for (double& share : curve) share /= std::max(1.0, count);
+  return curve;
+}
+
+Quantisation quantisation_cost(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  Quantisation cost;
+  double count = 0;
+  for (const TouchTrial& trial : trials) {
+    if (trial.plate_motion_mm < threshold_mm) continue;
+    ++count;
+    const double moved_mm = static_cast<double>(trial.quantisation_mm);
+    cost.mean_mm += moved_mm;
+    cost.worst_mm = std::max(cost.worst_mm, moved_mm);
+    cost.float_error_mm += static_cast<double>(trial.float_error_mm);
+    cost.int8_error_mm += static_cast<double>(trial.error_mm.norm());
+  }
+  for (double* mean : {&cost.mean_mm, &cost.float_error_mm, &cost.int8_error_mm}) *mean /= std::max(1.0, count);
+  return cost;
+}
+
+std::string error_table(const std::vector<TouchBand>& bands) {
+  std::string table;
+  for (const TouchBand& band : bands) {
     char line[160];
     std::snprintf(
         line, sizeof line,
-        "  plate motion from %4.0f mm: %6.0f touches, mean error %5.2f mm, 95 %% %6.2f mm, inside radius %2.0f "
-        "%%, inside twice %2.0f %%\n",
-        kEdges_mm[band], count, sum / count, quantile(errors, 0.95), 100 * inside / count, 100 * inside_twice / count);
+        "  plate motion from %4.0f mm: %6zu touches, mean error %5.2f mm, 95 %% %6.2f mm, inside radius %4.1f %%, "
+        "inside twice %4.1f %%\n",
+        band.from_mm, band.touches, band.mean_mm, band.error_95_mm, 100 * band.coverage_68, 100 * band.coverage_95);
+    table += line;
+  }
+  return table;
+}
+
+std::string force_table(const std::vector<ForceBand>& bands) {
+  std::string table;
+  for (const ForceBand& band : bands) {
+    char line[160];
+    std::snprintf(line, sizeof line,
+                  "  force from %2.0f N: %6zu touches, RMSE %.2f N, mean error %+.2f N, inside deviation %4.1f %%\n",
+                  band.from_n, band.touches, band.rmse_n, band.bias_n, 100 * band.coverage_68);
     table += line;
   }
   return table;

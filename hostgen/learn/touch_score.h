@@ -12,8 +12,9 @@ namespace finsight::host {
 struct TouchTrial {
   std::int32_t path = 0;
   Vec3f truth_mm = Vec3f::Zero(), error_mm = Vec3f::Zero();
-  float plate_motion_mm = 0, radius_68_mm = 0, force_error_n = 0, force_sigma_n = 0;
+  float plate_motion_mm = 0, radius_68_mm = 0, force_n = 0, force_error_n = 0, force_sigma_n = 0;
   float quantisation_mm = 0;  ///< distance between the float network's point and the published one
+  float float_error_mm = 0;   ///< of the float network's point
 };
 
 /// Measures every state `repeats` times with `noise` and `seen` plates, and locates it with the quantised network, also
@@ -32,10 +33,21 @@ void apply(const Calibration& calibration, TouchModelData& model);
 
 /// Errors and coverage of the trials at or above the threshold.
 TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm);
-/// Shares inside one and two radii when each half of the contact points is calibrated on the other half.
-std::array<double, 2> cross_coverage(const std::vector<TouchTrial>& trials, double threshold_mm);
+/// The trials with the radius that a calibration on the other half of the contact points gives each half: what coverage
+/// is counted on.
+std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm);
 
-/// Lines "plate motion from ... to ...: touches, mean, 95 % error, coverage" for the log.
-std::string error_table(const std::vector<TouchTrial>& trials);
+/// Errors by how far the plates moved: 0, 1, 2, 4, 7, 12 mm and more; bands without trials are left out.
+std::vector<TouchBand> error_bands(const std::vector<TouchTrial>& trials);
+/// Force errors by the force: every newton, of trials at or above the threshold.
+std::vector<ForceBand> force_bands(const std::vector<TouchTrial>& trials, double threshold_mm);
+/// Shares of errors inside k radii, for k = 0.1, 0.2 ... 3, of trials at or above the threshold.
+std::vector<double> coverage_curve(const std::vector<TouchTrial>& trials, double threshold_mm);
+/// What int8 costs on trials at or above the threshold.
+Quantisation quantisation_cost(const std::vector<TouchTrial>& trials, double threshold_mm);
+
+/// Those tables for the log.
+std::string error_table(const std::vector<TouchBand>& bands);
+std::string force_table(const std::vector<ForceBand>& bands);
 
 }  // namespace finsight::host

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <numeric>
 #include <optional>
 
 #include "hostgen/common.h"
+#include "hostgen/learn/split.h"
 #include "hostgen/learn/touch_score.h"
 
 namespace finsight::host {
@@ -13,19 +13,19 @@ namespace finsight::host {
 namespace {
 
 constexpr std::size_t kTouches = 30000;  // drawn between the states; each is measured anew about 25 times
-constexpr std::int32_t kFold = 5;        // one in so many states or points is held out
+constexpr std::int32_t kFold = 5;        // one in so many points is held out
 constexpr int kNoisyRepeats = 20;
 constexpr std::array<bool, kPlates> kAllSeen = {true, true, true};
 
-struct Split {
+struct StateSplit {
   std::vector<FemState> train, test;
 };
 
-Split without_points(const std::vector<FemState>& states) {
+StateSplit without_points(const std::vector<FemState>& states) {
   std::vector<std::int32_t> paths;
   for (const FemState& state : states) paths.push_back(state.path);
   paths.erase(std::unique(paths.begin(), paths.end()), paths.end());
-  Split split;
+  StateSplit split;
   for (const FemState& state : states) {
     const auto place = std::lower_bound(paths.begin(), paths.end(), state.path) - paths.begin();
     (place % kFold == kFold / 2 ? split.test : split.train).push_back(state);
@@ -33,14 +33,11 @@ Split without_points(const std::vector<FemState>& states) {
   return split;
 }
 
-Split without_states(const std::vector<FemState>& states, Random random) {
-  std::vector<std::size_t> order(states.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random.index(i)]);
-  std::vector<bool> held_out(states.size());
-  for (std::size_t i = 0; i < order.size() / kFold; ++i) held_out[order[i]] = true;
-  Split split;
-  for (std::size_t i = 0; i < states.size(); ++i) (held_out[i] ? split.test : split.train).push_back(states[i]);
+StateSplit without_states(const std::vector<FemState>& states, std::uint64_t seed) {
+  const Split rows = random_split(states.size(), seed);
+  StateSplit split;
+  for (const std::size_t row : rows.train) split.train.push_back(states[row]);
+  for (const std::size_t row : rows.test) split.test.push_back(states[row]);
   return split;
 }
 
@@ -66,7 +63,7 @@ std::vector<FemState> valid_states(const FemDataset& dataset) {
 
 // A network with its test states; quantised and with its threshold, not yet calibrated.
 struct Run {
-  Split split;
+  StateSplit split;
   double leave_one_out_mm = 0;
   std::optional<TouchNetwork> trained;
 
@@ -124,7 +121,7 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   const std::uint64_t seed = 1000 * plan.seed;
   std::array<Run, 3> runs;
   auto& [random_run, points_run, final_run] = runs;
-  random_run.split = without_states(states, Random(seed));
+  random_run.split = without_states(states, seed);
   points_run.split = without_points(states);
   final_run.split.train = states;
   Progress progress("touch network", runs.size() * static_cast<std::size_t>(plan.steps));
@@ -133,35 +130,33 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   TouchTraining result;
   apply(calibrate(random_run.noisy_trials(spec, prior, seed), spec.threshold_mm), random_run.trained->model);
   result.random_clean = score(random_run.clean_trials(prior), spec.threshold_mm);
+  result.random_noisy = score(random_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
 
   const Calibration calibration = calibrate(points_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
   apply(calibration, points_run.trained->model);
   apply(calibration, final_run.trained->model);
-  const std::vector<TouchTrial> noisy = points_run.noisy_trials(spec, prior, seed);
+  const std::vector<TouchTrial> noisy = cross_calibrated(points_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
   result.held_out_clean = score(points_run.clean_trials(prior), spec.threshold_mm);
   result.held_out_noisy = score(noisy, spec.threshold_mm);
-  const auto [coverage_68, coverage_95] = cross_coverage(noisy, spec.threshold_mm);
-  result.held_out_noisy.coverage_68 = coverage_68;
-  result.held_out_noisy.coverage_95 = coverage_95;
-  double published = 0;
-  for (const TouchTrial& trial : noisy) {
-    if (trial.plate_motion_mm < spec.threshold_mm) continue;
-    result.quantisation_loss_mm += static_cast<double>(trial.quantisation_mm);
-    ++published;
-  }
-  result.quantisation_loss_mm /= std::max(1.0, published);
+  result.bands = error_bands(noisy);
+  result.force_bands = force_bands(noisy, spec.threshold_mm);
+  result.coverage_curve = coverage_curve(noisy, spec.threshold_mm);
+  result.quantisation = quantisation_cost(noisy, spec.threshold_mm);
   result.model = final_run.trained->model;
 
-  char text[200];
+  char text[400];
   std::snprintf(text, sizeof text,
                 "%zu states; interpolant: leaving one contact point out, a plate is %.3f mm (RMS) off\n"
-                "calibration: radius times %.2f, force deviation times %.2f; int8 moves the point by %.3f mm (mean)\n",
+                "calibration: radius times %.2f, force deviation times %.2f; int8 moves the point by %.3f mm "
+                "(mean; worst %.2f mm), mean error %.3f mm in floats, %.3f mm in int8\n",
                 states.size(), final_run.leave_one_out_mm, calibration.radius, calibration.force,
-                result.quantisation_loss_mm);
+                result.quantisation.mean_mm, result.quantisation.worst_mm, result.quantisation.float_error_mm,
+                result.quantisation.int8_error_mm);
   result.log = text + line("held-out states, clean", result.random_clean) +
                line("held-out points, clean", result.held_out_clean) +
-               line("held-out points, noisy", result.held_out_noisy) + error_table(noisy) +
-               missing_plates_table(points_run, spec, prior, seed);
+               line("held-out states, noisy", result.random_noisy) +
+               line("held-out points, noisy", result.held_out_noisy) + error_table(result.bands) +
+               force_table(result.force_bands) + missing_plates_table(points_run, spec, prior, seed);
   return result;
 }
 

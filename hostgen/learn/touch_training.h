@@ -38,12 +38,33 @@ struct TouchScore {
   std::size_t touches = 0;                  ///< how many were published
 };
 
+/// Errors of touches whose plates moved between two distances.
+struct TouchBand {
+  double from_mm = 0, to_mm = 0;
+  std::size_t touches = 0;
+  double mean_mm = 0, error_95_mm = 0;      ///< mean, and what 95 % stay below
+  double coverage_68 = 0, coverage_95 = 0;  ///< as in TouchScore
+};
+/// Force errors of touches with forces between two values.
+struct ForceBand {
+  double from_n = 0, to_n = 0;
+  std::size_t touches = 0;
+  double rmse_n = 0, bias_n = 0, coverage_68 = 0;  ///< coverage: share of errors inside the published deviation
+};
+/// Float network against int8 network: how far the point moves, and both errors.
+struct Quantisation {
+  double mean_mm = 0, worst_mm = 0, float_error_mm = 0, int8_error_mm = 0;
+};
+
 struct TouchTraining {
   TouchModelData model;
-  /// "Random": a fifth of the states held out. "Held out": every fifth contact point, with all its states.
-  TouchScore random_clean, held_out_clean, held_out_noisy;
-  double quantisation_loss_mm = 0;  ///< mean distance between the float network's point and the int8 network's
-  std::string log;                  ///< readable lines
+  /// "Random": the paper's split of the states, 7:1:2. "Held out": every fifth contact point, with all its states.
+  TouchScore random_clean, random_noisy, held_out_clean, held_out_noisy;
+  std::vector<TouchBand> bands;        ///< held out, noisy; coverage after cross-calibration
+  std::vector<ForceBand> force_bands;  ///< the same trials
+  std::vector<double> coverage_curve;  ///< the same trials: shares inside 0.1, 0.2 ... 3 radii
+  Quantisation quantisation;           ///< the same trials
+  std::string log;                     ///< readable lines
 };
 
 struct TouchTrainingPlan {

@@ -6,6 +6,7 @@
 
 #include "firmware/model/model.h"
 #include "hostgen/finger/spec.h"
+#include "hostgen/fem/dataset.h"
 
 namespace finsight::host {
 
@@ -29,5 +30,14 @@ nlohmann::json measure_modbus(bool quick);
 /// coverage errors by plate motion, flips, false touches, whole-frame time; the joint estimate beside the paper's.
 /// `quick`: 4 seconds of the larger pictures instead of 24 of both.
 nlohmann::json measure_vision(const Model& model, const FingerSpec& spec, bool quick);
+
+/// `built`: the figures of the build. With the finger's spec and states also the paper's table 2, and how well the shape is
+/// known at the touched point; null without. Plots touch_error.svg and touch_calibration.svg into `folder`.
+nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, const FingerSpec* spec,
+                             const FemDataset* dataset, const std::filesystem::path& folder, bool quick);
+
+/// Networks on a CSV of recordings, and its audit with a picture, recordings.svg; without a file the reason.
+nlohmann::json measure_real(const Model& model, const std::filesystem::path& recordings,
+                            const std::filesystem::path& folder, bool quick);
 
 }  // namespace finsight::host

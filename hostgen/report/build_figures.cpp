@@ -16,6 +16,24 @@ json score_json(const TouchScore& score) {
           {"mean_above_4_mm", score.mean_above_4_mm}, {"touches", score.touches}};
 }
 
+json bands_json(const std::vector<TouchBand>& bands) {
+  json all = json::array();
+  for (const TouchBand& band : bands) {
+    all.push_back({{"from_mm", band.from_mm}, {"touches", band.touches}, {"mean_mm", band.mean_mm},
+                   {"error_95_mm", band.error_95_mm}, {"coverage_68", band.coverage_68}, {"coverage_95", band.coverage_95}});
+  }
+  return all;
+}
+
+json bands_json(const std::vector<ForceBand>& bands) {
+  json all = json::array();
+  for (const ForceBand& band : bands) {
+    all.push_back({{"from_n", band.from_n}, {"touches", band.touches}, {"rmse_n", band.rmse_n}, {"bias_n", band.bias_n},
+                   {"coverage_68", band.coverage_68}});
+  }
+  return all;
+}
+
 }  // namespace
 
 std::filesystem::path build_figures_path(const std::filesystem::path& pack) {
@@ -31,13 +49,23 @@ void write_build_figures(const std::filesystem::path& pack, const BuildFigures& 
         {"valid", figures.fem_states - figures.fem_too_far - figures.fem_failed},
         {"pushed_too_far", figures.fem_too_far},
         {"failed", figures.fem_failed},
-        {"seconds", figures.fem_seconds},
-        {"cpu_seconds", figures.fem_cpu_seconds}}},
+        {"seconds", figures.fem_seconds > 0 ? json(figures.fem_seconds) : json()},
+        {"cpu_seconds", figures.fem_seconds > 0 ? json(figures.fem_cpu_seconds) : json()},
+        {"why", figures.fem_seconds > 0 ? json() : json("the states were read from a file")}}},
       {"touch",
        {{"random_clean", score_json(touch.random_clean)},
         {"held_out_clean", score_json(touch.held_out_clean)},
         {"held_out_noisy", score_json(touch.held_out_noisy)},
-        {"quantisation_loss_mm", touch.quantisation_loss_mm},
+        {"random_noisy", score_json(touch.random_noisy)},
+        {"quantisation_loss_mm", touch.quantisation.mean_mm},
+        {"quantisation",
+         {{"mean_mm", touch.quantisation.mean_mm},
+          {"worst_mm", touch.quantisation.worst_mm},
+          {"float_error_mm", touch.quantisation.float_error_mm},
+          {"int8_error_mm", touch.quantisation.int8_error_mm}}},
+        {"by_plate_motion", bands_json(touch.bands)},
+        {"by_force", bands_json(touch.force_bands)},
+        {"coverage_curve", touch.coverage_curve},
         {"coverage_68", touch.held_out_noisy.coverage_68},
         {"coverage_95", touch.held_out_noisy.coverage_95},
         {"force_rmse_n", touch.held_out_noisy.force_rmse_n},

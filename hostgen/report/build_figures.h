@@ -13,7 +13,8 @@ namespace finsight::host {
 struct BuildFigures {
   std::string profile;
   std::size_t fem_states = 0, fem_too_far = 0, fem_failed = 0;
-  double fem_seconds = 0, fem_cpu_seconds = 0, training_seconds = 0;
+  double fem_seconds = 0, fem_cpu_seconds = 0;  ///< 0: the states were read from a file
+  double training_seconds = 0;
   const TouchTraining* touch = nullptr;
 };
 

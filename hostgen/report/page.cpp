@@ -49,6 +49,11 @@ std::string shown(const json& value) {
     for (const json& item : value) text += (text.empty() ? "" : " / ") + shown(item);
     return text;
   }
+  if (value.is_object()) {
+    std::string text;
+    for (const auto& [key, item] : value.items()) text += (text.empty() ? "" : ", ") + escaped(key) + " " + shown(item);
+    return text;
+  }
   return escaped(value.dump());
 }
 
@@ -61,6 +66,8 @@ void add_rows(const json& object, const std::string& prefix, std::ostringstream&
     }
     if (value.is_object()) {
       add_rows(value, prefix + key + ".", out);
+    } else if (value.is_array() && !value.empty() && value[0].is_object()) {
+      for (const json& row : value) out << "<tr><td>" << prefix << key << "</td><td>" << shown(row) << "</td></tr>\n";
     } else {
       out << "<tr><td>" << prefix << key << "</td><td>" << shown(value) << "</td></tr>\n";
     }
@@ -119,7 +126,8 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   add_section(all, "mesh", "Mesh", out);
   add_section(all, "hard_cases", "Hard cases", out);
   add_section(all, "touch", "Touch", out);
-  out << "<img src=\"touch_error.svg\" alt=\"touch error against plate motion\">\n";
+  out << "<img src=\"touch_error.svg\" alt=\"touch error against plate motion\">\n<img src=\"touch_calibration.svg\" "
+         "alt=\"share of errors inside the published radius\">\n";
   add_section(all, "shape", "Shape at the touched point", out);
   add_section(all, "fem", "Finite-element truth", out);
   out << "<p>The same loads solved by CalculiX: largest distance of a node's place in both.</p>\n";
@@ -128,6 +136,7 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   out << "<p>Locking: way of the touched point (0, 70) under 0.5 N.</p>\n";
   add_table(all["fem"].value("locking", json()), {"mesh", "tets", "C3D4_mm", "C3D10_mm", "C3D10_over_C3D4"}, out);
   add_section(all, "real", "Real recordings", out);
+  out << "<img src=\"recordings.svg\" alt=\"contact points, rotations and motions of the recordings\">\n";
   add_section(all, "force", "Contact forces", out);
   add_section(all, "vision", "Pixels to registers", out);
   add_section(all, "modbus", "Modbus", out);

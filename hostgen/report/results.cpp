@@ -32,12 +32,12 @@ constexpr const char* kSkeleton = R"({
             "coverage_95": null, "force_rmse_n": null, "table2": {
               "lr": {"rmse_mm": null, "r2": null}, "svm": {"rmse_mm": null, "r2": null},
               "knn": {"rmse_mm": null, "r2": null}, "dt": {"rmse_mm": null, "r2": null},
-              "mlp": {"rmse_mm": null, "r2": null}, "why": "the rival methods are not built yet"},
+              "mlp": {"rmse_mm": null, "r2": null}, "why": "area touch was not measured"},
             "why": "area touch was not measured"},
   "shape": {"touch_point_mm": {"energy_clean": null, "energy_noisy": null, "contact_aware_clean": null,
-            "contact_aware_noisy": null, "why": "no contact-aware shape map exists yet"}},
+            "contact_aware_noisy": null, "why": "area touch was not measured"}},
   "real": {"random": {"r2": null}, "by_contact_point": {"r2": null}, "pen_distance_mm": null,
-           "why": "nothing is trained on real recordings yet"},
+           "why": "area real was not measured"},
   "force": {"gauss_newton_s": null, "lbfgs_s": null, "front_mean_mm": null, "why": "contact forces are not built yet"},
   "vision": {
     "lab": {"touch_mm_above_4": null, "touch_mm_above_7": null, "false_valid": null, "flips_per_1000": null},
@@ -111,7 +111,7 @@ std::string today() {
 }  // namespace
 
 const std::vector<std::string>& report_areas() {
-  static const std::vector<std::string> areas = {"solver", "fem", "touch", "vision", "modbus"};
+  static const std::vector<std::string> areas = {"solver", "fem", "touch", "real", "vision", "modbus"};
   return areas;
 }
 

@@ -11,7 +11,7 @@
 #include "firmware/shape/shape_stage.h"
 #include "hostgen/common.h"
 #include "hostgen/report/areas.h"
-#include "hostgen/report/gnuplot.h"
+#include "hostgen/gnuplot.h"
 #include "hostgen/report/hard_cases.h"
 #include "hostgen/report/motions.h"
 #include "hostgen/report/shape_distance.h"

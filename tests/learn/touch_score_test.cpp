@@ -70,13 +70,49 @@ TEST_CASE("touch score: figures of hand-made trials") {
   CHECK(result.coverage_95 == doctest::Approx(0.4).epsilon(0.03));
 }
 
-TEST_CASE("touch score: cross coverage judges each half of the points by the other half's calibration") {
+TEST_CASE("touch score: each half of the points gets the other half's calibration") {
   std::vector<TouchTrial> trials = ramp(3, 5);
   std::vector<TouchTrial> other = ramp(8, 5);
   for (TouchTrial& trial : other) trial.error_mm *= 2;  // twice as wrong as the network thinks
   trials.insert(trials.end(), other.begin(), other.end());
   // Path 3 is judged by a radius of 1.36 mm, path 8 (errors up to 2 mm) by one of 0.68 mm.
-  const auto [inside, inside_twice] = cross_coverage(trials, 2);
-  CHECK(inside == doctest::Approx((1.0 + 0.34) / 2).epsilon(0.02));
-  CHECK(inside_twice == doctest::Approx((1.0 + 0.68) / 2).epsilon(0.02));
+  const TouchScore judged = score(cross_calibrated(trials, 2), 2);
+  CHECK(judged.coverage_68 == doctest::Approx((1.0 + 0.34) / 2).epsilon(0.02));
+  CHECK(judged.coverage_95 == doctest::Approx((1.0 + 0.68) / 2).epsilon(0.02));
+}
+
+TEST_CASE("touch score: bands by plate motion and by force, and the curve of coverage") {
+  std::vector<TouchTrial> trials = ramp(0, 5), weak = ramp(1, 1.5f);
+  for (TouchTrial& trial : trials) trial.force_n = 2.5f;
+  for (TouchTrial& trial : weak) trial.error_mm *= 3;
+  trials.insert(trials.end(), weak.begin(), weak.end());
+  const std::vector<TouchBand> bands = error_bands(trials);
+  REQUIRE(bands.size() == 2);
+  CHECK(bands[0].from_mm == 1);
+  CHECK(bands[0].mean_mm == doctest::Approx(1.515));
+  CHECK(bands[1].from_mm == 4);
+  CHECK(bands[1].error_95_mm == doctest::Approx(0.95).epsilon(0.02));
+  CHECK(bands[1].coverage_95 == doctest::Approx(0.4).epsilon(0.03));
+
+  const std::vector<ForceBand> forces = force_bands(trials, 2);
+  REQUIRE(forces.size() == 1);
+  CHECK(forces[0].from_n == 2);
+  CHECK(forces[0].touches == 100);
+  CHECK(forces[0].bias_n == doctest::Approx(-1.01));
+  CHECK(forces[0].coverage_68 == doctest::Approx(0.25).epsilon(0.05));
+
+  const std::vector<double> curve = coverage_curve(trials, 2);
+  CHECK(curve.size() == 30);
+  CHECK(curve[9] == doctest::Approx(0.2).epsilon(0.06));
+  CHECK(curve[29] == doctest::Approx(0.6).epsilon(0.03));
+}
+
+TEST_CASE("touch score: int8 costs what the point moves") {
+  std::vector<TouchTrial> trials = ramp(0, 5);
+  for (TouchTrial& trial : trials) trial.quantisation_mm = trial.error_mm.y() / 10, trial.float_error_mm = 0.5f;
+  const Quantisation cost = quantisation_cost(trials, 2);
+  CHECK(cost.mean_mm == doctest::Approx(0.0505));
+  CHECK(cost.worst_mm == doctest::Approx(0.1));
+  CHECK(cost.float_error_mm == doctest::Approx(0.5));
+  CHECK(cost.int8_error_mm == doctest::Approx(0.505));
 }

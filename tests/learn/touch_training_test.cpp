@@ -87,8 +87,15 @@ TEST_CASE("touch training: held-out points of a smooth finger are found, and the
   CHECK(result.held_out_noisy.mean_above_4_mm < 3.5);
   CHECK(result.held_out_clean.mean_mm <= result.held_out_noisy.mean_mm);
   CHECK(result.held_out_noisy.r2[1] > 0.95);
-  CHECK(result.quantisation_loss_mm > 0);
-  CHECK(result.quantisation_loss_mm < 0.3);
+  CHECK(result.quantisation.mean_mm > 0);
+  CHECK(result.quantisation.mean_mm < 0.1);
+  CHECK(result.quantisation.worst_mm >= result.quantisation.mean_mm);
+  CHECK(result.quantisation.int8_error_mm == doctest::Approx(result.quantisation.float_error_mm).epsilon(0.02));
+  CHECK(result.random_noisy.mean_mm >= result.random_clean.mean_mm);
+  CHECK(result.bands.size() >= 3);
+  CHECK(result.bands.front().mean_mm > result.bands.back().mean_mm);
+  CHECK(result.force_bands.size() >= 5);
+  CHECK(result.coverage_curve.at(9) == doctest::Approx(result.held_out_noisy.coverage_68));
   CHECK(result.held_out_noisy.touches > 500);
   CHECK(result.random_clean.touches > 20);
   CHECK(std::abs(result.held_out_noisy.coverage_68 - 0.68) < 0.15);

@@ -292,6 +292,9 @@ TEST_CASE("recorded motion: marker axes become finger axes") {
   CHECK(one.poses[0].plates[kTopPlate].rotation_rad.isApprox(thirty_degrees, 1e-5f));
   CHECK(one.poses[1].plates[kTopPlate].rotation_rad.isApprox(thirty_degrees, 1e-5f));
   CHECK(one.pen_mm[1] == Vec3f(4, 5, 6));
+  CHECK(one.recording == std::vector<std::string>{"b", "b"});
+  CHECK(one.surface_node == std::vector<int>{7, 7});
+  CHECK(one.line == std::vector<int>{3, 4});
 }
 
 TEST_CASE("recorded motion: a rotation about any axis is the same rotation seen from the finger") {
@@ -337,6 +340,7 @@ TEST_CASE("recorded motion: damaged files are refused with line and column") {
       {"quaternion of zeros", kColumns + "a,0,1,2,3,0,0,0,0,10,20,30,7\n", ":2: column 6 (marker_qx)"},
       {"quaternion too long", kColumns + "a,0,1,2,3,0,0,0.2,1,10,20,30,7\n", "length 1 within 0.01"},
       {"fault in a recording not asked for", kColumns + good + "b,0,1,2,3,0,0,0,1,10,20,x,7\n", ":3: column 12"},
+      {"half a contact point", kColumns + "a,0,1,2,3,0,0,0,1,10,20,30,7.5\n", ":2: column 13 (surface_node): found '7.5'"},
       {"no such recording", kColumns + "c,0,1,2,3,0,0,0,1,10,20,30,7\n", "none named 'a', expected one of 1"},
   };
   const Folder folder;

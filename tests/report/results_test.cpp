@@ -186,7 +186,7 @@ TEST_CASE("results: what an area leaves null keeps the area's own reason, or the
   results.measured("touch", {{"touch", {{"coverage_68", 0.7}, {"why", "only the coverage was asked for"}}}}, "full");
   CHECK(results.all()["touch"]["why"] == "only the coverage was asked for");
   CHECK(results.all()["touch"]["random_clean"]["r2"].is_null());
-  CHECK(results.all()["touch"]["table2"]["why"] == "the rival methods are not built yet");
+  CHECK(results.all()["touch"]["table2"]["why"] == "area touch was not measured");
 }
 
 TEST_CASE("results: a file of an older version gets the keys that it lacks") {

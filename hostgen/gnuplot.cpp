@@ -1,4 +1,4 @@
-#include "hostgen/report/gnuplot.h"
+#include "hostgen/gnuplot.h"
 
 #include <unistd.h>
 

@@ -1,0 +1,70 @@
+// Rounding of the touch network to int8; declared in touch_network.h.
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "hostgen/learn/touch_network.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr double kLargest = 127.0;
+
+// Rounds one layer, column after column; what rounding a column costs is made good by the columns that are not rounded
+// yet, in the least-squares sense over the samples that reach the layer (GPTQ, Frantar et al. 2022, arXiv 2210.17323).
+// They lie near a surface of few dimensions, so that nearly all of the cost can be made good.
+struct RoundedLayer {
+  Eigen::MatrixXf weights;  ///< whole numbers
+  Eigen::VectorXf scale;    ///< per output
+};
+RoundedLayer round_layer(const Eigen::MatrixXf& weights, const Eigen::MatrixXf& samples) {
+  constexpr double kDamping = 1e-3;  // of the mean size of an input: keeps the repairs small
+  Eigen::MatrixXd hessian = samples.cast<double>() * samples.cast<double>().transpose();
+  hessian.diagonal().array() += kDamping * std::max(hessian.diagonal().mean(), 1e-12);
+  const Eigen::MatrixXd inverse = hessian.llt().solve(Eigen::MatrixXd::Identity(hessian.rows(), hessian.cols()));
+  const Eigen::MatrixXd upper = inverse.llt().matrixU();
+
+  RoundedLayer rounded{Eigen::MatrixXf(weights.rows(), weights.cols()),
+                       weights.cwiseAbs().rowwise().maxCoeff() / kLargest};
+  for (float& scale : rounded.scale) scale = scale > 0 ? scale : 1.0f;
+  Eigen::MatrixXd rest = weights.cast<double>();
+  for (Eigen::Index i = 0; i < rest.cols(); ++i) {
+    for (Eigen::Index o = 0; o < rest.rows(); ++o) {
+      const double steps = rest(o, i) / static_cast<double>(rounded.scale[o]);
+      rounded.weights(o, i) = static_cast<float>(std::clamp(std::round(steps), -kLargest, kLargest));
+    }
+    const Eigen::VectorXd cost =
+        (rest.col(i) - rounded.weights.col(i).cwiseProduct(rounded.scale).cast<double>()) / upper(i, i);
+    const Eigen::Index left = rest.cols() - i - 1;
+    rest.rightCols(left).noalias() -= cost * upper.row(i).tail(left);
+  }
+  return rounded;
+}
+
+}  // namespace
+
+void quantise(TouchNetwork& trained) {
+  Eigen::MatrixXf exact = trained.sample_inputs, seen = exact;  // what the float layers see, and the rounded ones
+  for (std::size_t l = 0; l < 3; ++l) {
+    const Network::Layer& layer = trained.network.layers()[l];
+    const RoundedLayer rounded = round_layer(layer.weights, seen);
+    const Eigen::MatrixXf exact_sums = layer.weights * exact;
+    const Eigen::MatrixXf sums = rounded.scale.asDiagonal() * (rounded.weights * seen);
+    const Eigen::VectorXf bias = layer.bias + (exact_sums - sums).rowwise().mean();
+
+    TouchModelData& model = trained.model;
+    model.weights[l].clear();
+    for (Eigen::Index o = 0; o < rounded.weights.rows(); ++o) {
+      for (Eigen::Index i = 0; i < rounded.weights.cols(); ++i) {
+        model.weights[l].push_back(static_cast<std::int8_t>(rounded.weights(o, i)));
+      }
+    }
+    model.weight_scale[l].assign(rounded.scale.begin(), rounded.scale.end());
+    model.bias[l].assign(bias.begin(), bias.end());
+    exact = (exact_sums.colwise() + layer.bias).cwiseMax(0.0f);
+    seen = (sums.colwise() + bias).cwiseMax(0.0f);
+  }
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,247 @@
+#include "hostgen/recordings/recording_training.h"
+
+#include <cmath>
+#include <functional>
+#include <stdexcept>
+
+#include "firmware/model/plate_prior.h"
+#include "firmware/touch/features.h"
+#include "firmware/touch/touch_stage.h"
+#include "hostgen/common.h"
+#include "hostgen/learn/network.h"
+#include "hostgen/learn/regression.h"
+#include "hostgen/learn/split.h"
+#include "hostgen/recordings/audit.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr int kFolds = 5;
+constexpr float kMillimetresPerRadian = 28.65f;  // the lever of a plate's edge, as in the touch network
+
+/// The rows that take part.
+struct Rows {
+  std::vector<PlatePoses> poses;
+  Eigen::Matrix3Xf pen_mm;
+  std::vector<int> point;
+};
+
+Rows usable_rows(const RecordedMotion& motion) {
+  const std::vector<bool> outlier = find_outliers(motion);
+  Rows rows;
+  std::vector<Vec3f> pen_mm;
+  for (std::size_t row = 0; row < outlier.size(); ++row) {
+    if (outlier[row]) continue;
+    rows.poses.push_back(motion.poses[row]);
+    rows.point.push_back(motion.surface_node[row]);
+    pen_mm.push_back(motion.pen_mm[row]);
+  }
+  rows.pen_mm.resize(3, static_cast<Eigen::Index>(pen_mm.size()));
+  for (std::size_t i = 0; i < pen_mm.size(); ++i) rows.pen_mm.col(static_cast<Eigen::Index>(i)) = pen_mm[i];
+  return rows;
+}
+
+/// Learns on the first rows, answers for the second ones.
+using Learner = std::function<Eigen::MatrixXf(const std::vector<std::size_t>&, const std::vector<std::size_t>&,
+                                              const std::function<void()>& tick)>;
+
+template <class Matrix>
+Eigen::MatrixXf columns(const Matrix& all, const std::vector<std::size_t>& rows) {
+  Eigen::MatrixXf chosen(all.rows(), static_cast<Eigen::Index>(rows.size()));
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    chosen.col(static_cast<Eigen::Index>(i)) = all.col(static_cast<Eigen::Index>(rows[i]));
+  return chosen;
+}
+
+Learner regression_learner(Eigen::MatrixXf inputs, const Rows& rows, const RecordingTrainingPlan& plan) {
+  return [inputs = std::move(inputs), &rows, plan](const auto& train, const auto& test, const auto& tick) {
+    Regression network(columns(inputs, train), columns(rows.pen_mm, train),
+                       {.hidden = plan.hidden, .steps = plan.steps, .seed = plan.seed}, tick);
+    return network.predict(columns(inputs, test));
+  };
+}
+
+Eigen::MatrixXf paper_inputs(const Rows& rows) {
+  Eigen::MatrixXf inputs(18, rows.pen_mm.cols());
+  for (Eigen::Index i = 0; i < inputs.cols(); ++i) {
+    const PlateMotion& plate = rows.poses[static_cast<std::size_t>(i)].plates[kTopPlate];
+    for (int copy = 0; copy < 3; ++copy) {
+      inputs.col(i).segment<3>(6 * copy) = plate.displacement_mm;
+      inputs.col(i).segment<3>(6 * copy + 3) = plate.rotation_rad;
+    }
+  }
+  return inputs;
+}
+
+// Which way the plate moved, and how far: the same place then looks nearly the same at every force.
+Eigen::MatrixXf direction_inputs(const Rows& rows) {
+  Eigen::MatrixXf inputs(7, rows.pen_mm.cols());
+  for (Eigen::Index i = 0; i < inputs.cols(); ++i) {
+    const PlateMotion& plate = rows.poses[static_cast<std::size_t>(i)].plates[kTopPlate];
+    Eigen::Matrix<float, 6, 1> numbers;
+    numbers << plate.displacement_mm, kMillimetresPerRadian * plate.rotation_rad;
+    const float size = numbers.norm() + kSmallestMotion;
+    for (int k = 0; k < 6; ++k) inputs(k, i) = numbers[k] / size;
+    inputs(6, i) = std::log(size);
+  }
+  return inputs;
+}
+
+// The pack's network in floats, trained further. Its contact point (touched point plus displacement) is what a
+// recording holds; the two output layers' rows move together.
+class PackNetwork {
+ public:
+  PackNetwork(const Model& pack, const Rows& rows, const RecordingTrainingPlan& plan)
+      : model_(pack.touch), rows_(rows), plan_(plan), inputs_(TouchModel::kInputs, rows.pen_mm.cols()) {
+    for (Eigen::Index i = 0; i < inputs_.cols(); ++i) {
+      PlatePoses poses = rows.poses[static_cast<std::size_t>(i)];
+      complete_from_prior(pack.prior, poses);
+      touch_features(model_, plate_numbers(poses), poses.seen,
+                     std::span<float, TouchModel::kInputs>(inputs_.col(i).data(), TouchModel::kInputs));
+    }
+  }
+
+  Eigen::MatrixXf as_simulated(const std::vector<std::size_t>& test) const {
+    Network network = network_of_pack();
+    return contact(network.forward(columns(inputs_, test)));
+  }
+
+  Eigen::MatrixXf fine_tuned(const std::vector<std::size_t>& train, const std::vector<std::size_t>& test,
+                             const std::function<void()>& tick) const {
+    constexpr float kPeakRate = 5e-4f;  // half of what training from nothing starts with
+    Network network = network_of_pack();
+    Adam adam(network);
+    Random random(plan_.seed);
+    Eigen::MatrixXf x(inputs_.rows(), 128), pen_mm(3, 128), gradient;
+    for (int step = 0; step < plan_.steps; ++step) {
+      for (Eigen::Index column = 0; column < x.cols(); ++column) {
+        const auto row = static_cast<Eigen::Index>(train[random.index(train.size())]);
+        x.col(column) = inputs_.col(row);
+        pen_mm.col(column) = rows_.pen_mm.col(row);
+      }
+      const Eigen::MatrixXf& outputs = network.forward(x);
+      const Eigen::MatrixXf error = (contact(outputs) - pen_mm) / static_cast<float>(x.cols());
+      gradient.setZero(outputs.rows(), outputs.cols());
+      for (int i = 0; i < 3; ++i) {
+        // Each coordinate counts by its own spread, as in the training of the pack.
+        gradient.row(i) = error.row(i) / scale(i);
+        gradient.row(3 + i) = error.row(i) * scale(3 + i) / (scale(i) * scale(i));
+      }
+      network.backward(gradient);
+      adam.step(network, cosine_rate(kPeakRate, step, plan_.steps));
+      tick();
+    }
+    return contact(network.forward(columns(inputs_, test)));
+  }
+
+ private:
+  float scale(int i) const { return model_.output_scale[static_cast<std::size_t>(i)]; }
+  float mean(int i) const { return model_.output_mean[static_cast<std::size_t>(i)]; }
+
+  Network network_of_pack() const {
+    Random random(1);  // every weight is replaced
+    Network network(
+        {model_.layers[0].inputs, model_.layers[1].inputs, model_.layers[2].inputs, model_.layers[2].outputs}, random);
+    for (std::size_t l = 0; l < 3; ++l) {
+      const DenseInt8& layer = model_.layers[l];
+      Network::Layer& into = network.layers()[l];
+      for (Eigen::Index o = 0; o < into.weights.rows(); ++o) {
+        for (Eigen::Index i = 0; i < into.weights.cols(); ++i) {
+          into.weights(o, i) = layer.scale[static_cast<std::size_t>(o)] *
+                               static_cast<float>(layer.weights[static_cast<std::size_t>(o * into.weights.cols() + i)]);
+        }
+        into.bias[o] = layer.bias[static_cast<std::size_t>(o)];
+      }
+    }
+    return network;
+  }
+
+  Eigen::MatrixXf contact(const Eigen::MatrixXf& outputs) const {
+    Eigen::MatrixXf place(3, outputs.cols());
+    for (int i = 0; i < 3; ++i) {
+      place.row(i) =
+          (mean(i) + mean(3 + i) + scale(i) * outputs.row(i).array() + scale(3 + i) * outputs.row(3 + i).array())
+              .matrix();
+    }
+    return place;
+  }
+
+  const TouchModel& model_;
+  const Rows& rows_;
+  RecordingTrainingPlan plan_;
+  Eigen::MatrixXf inputs_;
+};
+
+struct Method {
+  std::string name;
+  Learner learner;
+};
+
+// Predictions of all folds, each put back in its rows.
+struct Predictions {
+  Split random;
+  Eigen::MatrixXf at_random;
+  Eigen::Matrix3Xf by_point;
+};
+
+RecordingScore score(const std::string& name, const Rows& rows, const Predictions& predictions) {
+  const auto errors = [](const Eigen::MatrixXf& truth, const Eigen::MatrixXf& predicted) {
+    return axis_errors(truth.cast<double>(), (predicted - truth).cast<double>());
+  };
+  return {name, errors(columns(rows.pen_mm, predictions.random.test), predictions.at_random),
+          errors(rows.pen_mm, predictions.by_point),
+          static_cast<double>((predictions.by_point - rows.pen_mm).colwise().norm().mean())};
+}
+
+}  // namespace
+
+std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, const Model* pack,
+                                                const RecordingTrainingPlan& plan) {
+  const Rows rows = usable_rows(motion);
+  for (int fold = 0; fold < kFolds; ++fold) {
+    if (group_split(rows.point, kFolds, fold, plan.seed).test.empty()) {
+      throw std::runtime_error("recordings: fewer than " + std::to_string(kFolds) +
+                               " contact points; they cannot be split by point");
+    }
+  }
+  std::vector<Method> methods = {{"paper", regression_learner(paper_inputs(rows), rows, plan)},
+                                 {"direction", regression_learner(direction_inputs(rows), rows, plan)}};
+  std::optional<PackNetwork> network;
+  if (pack) {
+    network.emplace(*pack, rows, plan);
+    methods.push_back(
+        {"simulation", [&](const auto&, const auto& test, const auto&) { return network->as_simulated(test); }});
+    methods.push_back({"fine-tuned", [&](const auto& train, const auto& test, const auto& tick) {
+                         return network->fine_tuned(train, test, tick);
+                       }});
+  }
+
+  std::vector<Predictions> predictions(methods.size());
+  for (Predictions& one : predictions) one.by_point.resize(3, rows.pen_mm.cols());
+  Progress progress("networks on recordings", static_cast<std::size_t>(plan.steps) * (kFolds + 1) * (pack ? 3 : 2));
+  const auto tick = [&] {
+    if (interrupted()) throw Interrupted();
+    progress.advance();
+  };
+  parallel_for(methods.size() * (kFolds + 1), [&](std::size_t work) {
+    const std::size_t m = work / (kFolds + 1);
+    const int fold = static_cast<int>(work % (kFolds + 1)) - 1;  // -1: the random split
+    const Split split =
+        fold < 0 ? random_split(rows.poses.size(), plan.seed) : group_split(rows.point, kFolds, fold, plan.seed);
+    const Eigen::MatrixXf answer = methods[m].learner(split.train, split.test, tick);
+    if (fold < 0) {
+      predictions[m].random = split;
+      predictions[m].at_random = answer;
+      return;
+    }
+    for (std::size_t i = 0; i < split.test.size(); ++i) {
+      predictions[m].by_point.col(static_cast<Eigen::Index>(split.test[i])) = answer.col(static_cast<Eigen::Index>(i));
+    }
+  });
+  std::vector<RecordingScore> scores;
+  for (std::size_t m = 0; m < methods.size(); ++m) scores.push_back(score(methods[m].name, rows, predictions[m]));
+  return scores;
+}
+
+}  // namespace finsight::host

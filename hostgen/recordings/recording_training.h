@@ -1,0 +1,35 @@
+// Networks for recorded touches: where the pen is, from the one plate that was recorded.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware/model/model.h"
+#include "firmware/ports/session.h"
+#include "hostgen/statistics.h"
+
+namespace finsight::host {
+
+/// How one method does on states that its training has not seen.
+struct RecordingScore {
+  std::string method;
+  AxisErrors random;    ///< the paper's split, 7:1:2 over rows: copies of training rows are in its test set
+  AxisErrors by_point;  ///< every contact point predicted by a network that has not seen it (five folds)
+  double mean_mm = 0;   ///< by_point: mean distance
+};
+
+struct RecordingTrainingPlan {
+  int steps = 40000;
+  std::uint64_t seed = 1;
+  std::vector<int> hidden = {512, 256};  ///< of the first two networks
+};
+
+/// Trains on all rows but outliers (see find_outliers()), with progress. Rows of the result: the paper's network (the
+/// plate's six numbers three times, z-scored, 18-512-256-3), ours (direction and log-size), and, if there is a pack,
+/// its touch network as it came from simulation, and the same network trained further on the recordings. Throws
+/// std::runtime_error if there are fewer than five contact points, Interrupted.
+std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, const Model* pack,
+                                                const RecordingTrainingPlan& plan);
+
+}  // namespace finsight::host

@@ -1,0 +1,27 @@
+#include "hostgen/recordings/recording_training.h"
+
+#include <doctest/doctest.h>
+
+#include "tests/recordings/synthetic_recordings.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+TEST_CASE("recording training: both networks learn a smooth finger, better where the point is known") {
+  const auto scores =
+      train_on_recordings(test::synthetic_recordings({}, 1), nullptr, {.steps = 1000, .hidden = {24, 24}});
+  REQUIRE(scores.size() == 2);
+  CHECK(scores[0].method == "paper");
+  for (const RecordingScore& score : scores) {
+    CAPTURE(score.method);
+    CHECK(score.random.r2[1] > 0.5);  // near rest no plate tells where it is touched
+    CHECK(score.random.rmse_mm[1] < score.by_point.rmse_mm[1]);
+    CHECK(score.mean_mm > 0.2);  // the pen's own noise
+  }
+}
+
+TEST_CASE("recording training: too few contact points cannot be split") {
+  RecordedMotion motion = test::synthetic_recordings({}, 1);
+  for (int& point : motion.surface_node) point %= 4;
+  CHECK_THROWS_AS(train_on_recordings(motion, nullptr, {.steps = 1}), std::runtime_error);
+}
