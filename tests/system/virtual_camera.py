@@ -27,6 +27,7 @@ FRAMES = WORK / "virtual-camera"    # the camera's JPEGs,
 PICTURES = WORK / "virtual-pictures"  # the same frames as they were,
 SESSION = WORK / "virtual-session"    # and as a session
 CHOSEN = (0, 70, 110, 150)  # of the rendered frames
+TOUCH_VALID = 2  # bit of register 0
 SKIPPED = 77
 
 
@@ -81,9 +82,12 @@ def rows(path):
         return [[int(word) for word in row] for row in list(csv.reader(file))[1:]]
 
 
-def measured(row):
-    """Touch and top plate, in 0.01 mm and 0.01 degrees."""
-    return [word - 65536 if word >= 32768 else word for word in row[5:8] + row[14:20]]
+def signed(words):
+    return [word - 65536 if word >= 32768 else word for word in words]
+
+
+def furthest(a, b):
+    return max(abs(x - y) for x, y in zip(signed(a), signed(b)))
 
 
 class VirtualCamera(unittest.TestCase):
@@ -118,14 +122,17 @@ class VirtualCamera(unittest.TestCase):
         self.assertEqual(process.returncode, 0, said)
         print(said)
 
-        expected = [measured(row) for row in rows(WORK / "virtual-replay.csv")]
+        expected = rows(WORK / "virtual-replay.csv")
         seen = set()
         frames = rows(WORK / "virtual-camera.csv")
         for row in frames:
-            distances = [max(abs(a - b) for a, b in zip(measured(row), one)) for one in expected]
+            distances = [furthest(row[14:20], one[14:20]) for one in expected]  # the top plate's
             nearest = min(range(len(expected)), key=lambda k: distances[k])
             self.assertLessEqual(distances[nearest], 60, "counts; JPEG moves corners by hundredths of a pixel, which is "
                                  "less than what the spec says of tilts (0.6 degrees)")
+            if row[0] & expected[nearest][0] & TOUCH_VALID:
+                self.assertLessEqual(furthest(row[5:8], expected[nearest][5:8]), 2 * expected[nearest][8],
+                                     "the touch, against twice its radius")
             seen.add(nearest)
         self.assertEqual(seen, set(range(len(CHOSEN))), "every picture was shown")
         print(f"{len(frames)} frames of the camera, all as replayed")
