@@ -288,14 +288,14 @@ TEST_CASE("loop: without light the fault says so once nothing is held any more")
   Feeder feeder(camera);
   feeder.step(test::frame_of(camera, painted(camera, touched(), 1)));
   std::vector<std::uint8_t> grey(static_cast<std::size_t>(camera.width_px) * camera.height_px);
-  for (const auto& [level, fault] : {std::pair{1, 10}, {254, 11}, {100, 2}}) {
-    CAPTURE(level);
+  for (const std::pair<int, int>& light : {std::pair{1, 10}, {254, 11}, {100, 2}}) {
+    CAPTURE(light.first);
     for (int frame = 0; frame < 40; ++frame) {
-      std::fill(grey.begin(), grey.end(), static_cast<std::uint8_t>(level));
+      std::fill(grey.begin(), grey.end(), static_cast<std::uint8_t>(light.first));
       grey[static_cast<std::size_t>(frame)] ^= 1;  // a sensor's noise
       feeder.step(test::frame_of(camera, grey));
     }
-    CHECK(feeder.loop.state().fault == static_cast<FaultCode>(fault));
+    CHECK(feeder.loop.state().fault == static_cast<FaultCode>(light.second));
   }
 }
 

@@ -47,9 +47,10 @@ TEST_CASE("touch plan: the point stays on the touchable face, wanders over much 
 TEST_CASE("touch plan: the paper's four paths run around the middle of the face twice, under one force") {
   const FingerSpec spec = default_spec();
   const double middle_mm = (spec.touch_y_mm[0] + spec.touch_y_mm[1]) / 2, seconds = 8;
-  for (const auto& [name, path] : touch_paths()) {
+  for (const auto& named : touch_paths()) {
+    const TouchPlan::Path path = named.second;
     if (path == TouchPlan::Path::kWander || path == TouchPlan::Path::kFast) continue;
-    CAPTURE(name);
+    CAPTURE(named.first);
     const TouchPlan plan(spec, seconds, 1, path);
     CHECK((plan.point_mm(0) - plan.point_mm(seconds / 2)).norm() < 1e-3F);
     CHECK((plan.point_mm(1) - plan.point_mm(1 + seconds / 2)).norm() < 1e-3F);
