@@ -94,6 +94,7 @@ std::string calculix_deck(const FingerSpec& spec, const QuadraticMesh& mesh, con
          "*CONTROLS, PARAMETERS=FIELD\n1e-9, 1e-9, , , 1e-9\n"
          "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n10, 20, 21, 30, 25, 4, , 5\n"
          "*CLOAD\n";
+  out.precision(12);  // CalculiX reads twenty characters of a number
   const FacePoint at = face_point(mesh, load.point_mm.x(), load.point_mm.y());
   for (std::size_t i = 0; i < at.node.size(); ++i) {
     if (at.weight[i] == 0) continue;
