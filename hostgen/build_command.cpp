@@ -141,8 +141,10 @@ void run(const Options& options) {
   const auto fem_start = std::chrono::steady_clock::now();
   const std::clock_t fem_clock = std::clock();
   const FemDataset dataset = truth(parts.spec, mesh, profile, options);
-  if (options.dataset.empty()) figures.fem_seconds = seconds_since(fem_start);
-  if (options.dataset.empty()) figures.fem_cpu_seconds = static_cast<double>(std::clock() - fem_clock) / CLOCKS_PER_SEC;
+  if (options.dataset.empty()) {
+    figures.fem_seconds = seconds_since(fem_start);
+    figures.fem_cpu_seconds = static_cast<double>(std::clock() - fem_clock) / CLOCKS_PER_SEC;
+  }
   figures.fem_states = dataset.states.size();
   figures.fem_too_far = dataset.count(Outcome::kPushedTooFar);
   figures.fem_failed = dataset.count(Outcome::kNoEquilibrium);
