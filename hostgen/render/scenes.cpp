@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "hostgen/finger/plate_motion.h"
+
 namespace finsight::host {
 
 namespace {
@@ -49,8 +51,7 @@ std::array<PlateMotion, kPlates> SceneMaker::plates_at(double frame) const {
   const float t = static_cast<float>(at - static_cast<double>(k));
   std::array<PlateMotion, kPlates> plates;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    plates[p] = {a.plates[p].displacement_mm + t * (b.plates[p].displacement_mm - a.plates[p].displacement_mm),
-                 a.plates[p].rotation_rad + t * (b.plates[p].rotation_rad - a.plates[p].rotation_rad)};
+    plates[p] = on_the_way(a.plates[p], b.plates[p], t);
   }
   return plates;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "hostgen/finger/plate_motion.h"
 #include "hostgen/report/motions.h"
 
 namespace finsight::host {
@@ -44,9 +45,7 @@ HardMotion& HardMotion::go(const PlatePoses& to, int count) {
     const float t = static_cast<float>(k) / static_cast<float>(count);
     PlatePoses& poses = frames.emplace_back(to);
     for (std::size_t p = 0; p < kPlates && k < count; ++p) {
-      const PlateMotion &a = from.plates[p], &b = to.plates[p];
-      poses.plates[p].displacement_mm = a.displacement_mm + t * (b.displacement_mm - a.displacement_mm);
-      poses.plates[p].rotation_rad = a.rotation_rad + t * (b.rotation_rad - a.rotation_rad);
+      poses.plates[p] = on_the_way(from.plates[p], to.plates[p], t);
     }
   }
   return *this;
