@@ -66,7 +66,7 @@ std::optional<CommandResult> Commands::start(Command command) {
     case Command::kStopRecording:
       return record(false);
     case Command::kReset:
-      reset_is_ordered_ = true;
+      reset_at_ns_ = steady_now_ns() + kResultIsShownNs;
       return CommandResult::kDone;
     case Command::kFactory:  // the settings themselves changed with the order
       zero_changed_ = zero_changed_ || loop_.zeroing().zero();

@@ -7,8 +7,12 @@
 #include "firmware/modbus/control.h"
 #include "firmware/recorder.h"
 #include "firmware/saved_state.h"
+#include "firmware/stage_times.h"
 
 namespace finsight {
+
+/// How long a reset waits, so that the client who ordered it can read the result.
+constexpr std::int64_t kResultIsShownNs = 500'000'000;
 
 /// For the frame loop's thread: turn() before every frame. Neither allocates nor waits.
 class Commands {
@@ -21,7 +25,8 @@ class Commands {
   void turn();
   /// The command of setting 1021, unless another one is running.
   void trigger();
-  bool reset_is_ordered() const { return reset_is_ordered_; }
+  /// A client ordered a reset, and has had the time to read the result.
+  bool reset_is_due() const { return reset_at_ns_ && steady_now_ns() >= *reset_at_ns_; }
 
  private:
   std::optional<CommandResult> start(Command command);
@@ -39,7 +44,7 @@ class Commands {
   Command running_ = Command::kNone;
   bool is_running_ = false, is_ordered_ = false;  ///< by a client, who then hears of its end
   bool zero_changed_ = false;
-  bool reset_is_ordered_ = false;
+  std::optional<std::int64_t> reset_at_ns_;
 };
 
 }  // namespace finsight

@@ -211,7 +211,7 @@ bool run(Device device, int timeout_ms) {
   Supervisor supervisor;
   supervisor.ready();
   std::uint32_t openings = 0;
-  while (!stop_requested && !device.commands.reset_is_ordered()) {
+  while (!stop_requested && !device.commands.reset_is_due()) {
     Frame frame;
     const bool has_frame = device.camera.next(frame, timeout_ms);
     if (!has_frame && device.camera.ended()) break;
@@ -270,7 +270,10 @@ int serve_fault(const Arguments& arguments) {
     server->publish(image);
     if (const auto command = control.take_command()) {
       control.finish(*command == Command::kReset ? CommandResult::kDone : CommandResult::kNotPossible);
-      if (*command == Command::kReset) return 1;
+      if (*command == Command::kReset) {
+        std::this_thread::sleep_for(std::chrono::nanoseconds(kResultIsShownNs));
+        return 1;
+      }
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
@@ -321,7 +324,7 @@ int start(const Arguments& arguments) {
   const CameraCounts counts = camera->counts();
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
-  if (commands.reset_is_ordered()) {
+  if (commands.reset_is_due()) {
     print_news("a client ordered a reset");
     return kStartAgain;
   }

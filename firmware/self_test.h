@@ -1,5 +1,5 @@
-// What the pack's author expects every build of the firmware to answer: run by hostgen on writing, by the board at every
-// start.
+// What the pack's author expects every build of the firmware to answer: run by hostgen on writing, by the board at
+// every start.
 #pragma once
 
 #include <array>
@@ -10,8 +10,8 @@
 namespace finsight {
 
 struct SelfTestAnswer {
-  std::vector<float> shape_mm;      ///< [3 * nodes]
-  std::array<float, 7> touch{};     ///< point, contact, force
+  std::vector<float> shape_mm;   ///< [3 * nodes]
+  std::array<float, 7> touch{};  ///< point, contact, force
   RegisterImage registers;
 };
 

@@ -96,7 +96,7 @@ enum ControlRegister : int {
 inline constexpr RegisterRow kControlTable[] = {
     {1000, "command", RegisterType::kUint16, 1, "code",
      "0 none, 1 zero (the finger as it is now is at rest), 2 save settings and zero, 3 clear fault, 4 record a "
-     "session, 5 stop recording, 6 reset (start anew), 7 factory settings and no zero (unsaved)",
+     "session, 5 stop recording, 6 reset (starts anew half a second later), 7 factory settings and no zero (unsaved)",
      true, 0, 7},
     {1001, "command_sequence", RegisterType::kUint16, 1, "",
      "a number that is not that of register 1002 starts the command; writing the same again does nothing", true},

@@ -132,14 +132,12 @@ const ModbusRTU = require('modbus-serial');
 
     def test_saved_settings_come_back_after_a_reset_and_the_factorys_on_order(self):
         self.assertEqual(ctl(self.port, "set", "hold_time=77").returncode, 0)
-        self.assertIn("unsaved", ctl(self.port, "show").stdout)
+        self.wait_for(lambda: ctl(self.port, "show").stdout, lambda shown: "unsaved" in shown)
         self.assertEqual(ctl(self.port, "do", "save").stdout, "done\n")
-        self.assertNotIn("unsaved", ctl(self.port, "show").stdout)
+        self.wait_for(lambda: ctl(self.port, "show").stdout, lambda shown: "unsaved" not in shown)
         self.assertEqual(ctl(self.port, "set", "hold_time=78").returncode, 0)
         self.assertEqual(ctl(self.port, "do", "reset").stdout, "done\n")
-        time.sleep(0.3)
-        Reader(self.port).close()
-        self.assertIn("hold_time              77 ms", ctl(self.port, "show").stdout)
+        self.wait_for(lambda: ctl(self.port, "show").stdout, lambda shown: "hold_time              77 ms" in shown)
         self.assertEqual(ctl(self.port, "do", "factory").stdout, "done\n")
         self.assertIn("hold_time              200 ms", ctl(self.port, "show").stdout)
         self.assertIsNone(self.firmware.process.poll())
