@@ -1,4 +1,5 @@
 """Frames for libcamera's virtual camera: it shows the JPEGs of a folder, and takes nothing else."""
+import shutil
 import subprocess
 
 SIZE = (640, 480)  # of the rendered sessions
@@ -22,8 +23,23 @@ def pgm(pixels):
 
 
 def write_frames(folder, pictures):
-    """0.jpg, 1.jpg, ... of grey pictures."""
+    """0.jpg, 1.jpg, ... of grey pictures. What the camera makes of them: its decoder (libyuv's) takes the fast inverse
+    cosine transform, which changes half of the grey levels by one or two, and a tilt by tenths of a degree."""
+    shown = []
     for number, pixels in enumerate(pictures):
         jpeg = subprocess.run(["cjpeg", "-quality", "100", "-grayscale"], input=pgm(pixels), stdout=subprocess.PIPE,
-                              check=True)
-        (folder / f"{number}.jpg").write_bytes(jpeg.stdout)
+                              check=True).stdout
+        (folder / f"{number}.jpg").write_bytes(jpeg)
+        decoded = subprocess.run(["djpeg", "-dct", "fast", "-grayscale", "-pnm"], input=jpeg, stdout=subprocess.PIPE,
+                                 check=True).stdout
+        shown.append(decoded[-len(pixels):])
+    return shown
+
+
+def write_session(folder, like, pictures):
+    """A session of these pictures, otherwise like the session `like`."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    header = (like / "frames.y4m").read_bytes().split(b"\n", 1)[0] + b"\n"
+    (folder / "frames.y4m").write_bytes(header + b"".join(b"FRAME\n" + bytes(pixels) for pixels in pictures))
+    shutil.copy(like / "session.toml", folder)
