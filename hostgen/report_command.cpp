@@ -17,14 +17,13 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path pack, spec, folder, bench, dataset, recordings;
+  std::filesystem::path pack, spec, folder, bench, dataset, recordings, soak;
   bool quick = false;
   std::vector<std::string> areas;
 };
 
-/// Nothing without a file: then only the report's own part is measured.
-nlohmann::json bench_figures(const std::filesystem::path& file) {
-  if (file.empty()) return {{"solver", {{"why", "no file of the program bench was given"}}}};
+/// What another program measured.
+nlohmann::json read_figures(const std::filesystem::path& file) {
   try {
     return nlohmann::json::parse(read_file(file));
   } catch (const nlohmann::json::exception& error) {
@@ -34,11 +33,19 @@ nlohmann::json bench_figures(const std::filesystem::path& file) {
 
 nlohmann::json measure(const std::string& area, const Options& options, const Model& model) {
   if (area == "solver") {
-    nlohmann::json figures = measure_solver(model, bench_figures(options.bench), options.folder, options.quick);
+    nlohmann::json bench = {{"solver", {{"why", "no file of the program bench was given"}}}};
+    if (!options.bench.empty()) bench = read_figures(options.bench);
+    nlohmann::json figures = measure_solver(model, bench, options.folder, options.quick);
     figures["hard_cases"] = measure_hard_cases(model, options.quick);
     return figures;
   }
-  if (area == "modbus") return measure_modbus(options.quick);
+  if (area == "modbus") {
+    nlohmann::json figures = measure_modbus(options.quick);
+    nlohmann::json& soak = figures["modbus"]["soak"];
+    soak = {{"why", "no file of tests/system/soak.py was given"}};
+    if (!options.soak.empty()) soak = read_figures(options.soak);
+    return figures;
+  }
   if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.quick);
   if (area == "real") return measure_real(model, options.recordings, options.folder, options.quick);
   const nlohmann::json built = read_build_figures(options.pack);  // fem and touch were measured when the pack was made
@@ -50,7 +57,8 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     const FingerSpec spec = read_finger_spec(options.spec);
     const FemDataset dataset = read_dataset(options.dataset);
     if (dataset.spec_sha256 != spec.sha256 || dataset.mesh_nodes != static_cast<std::size_t>(model.shape.nodes)) {
-      throw InputError(options.dataset.string(), "holds states of another finger or mesh than " + options.spec.string());
+      throw InputError(options.dataset.string(),
+                       "holds states of another finger or mesh than " + options.spec.string());
     }
     return measure_touch(built["touch"], model, &spec, &dataset, options.folder, options.quick);
   }
@@ -84,6 +92,7 @@ void add_report_command(CLI::App& app) {
   command->add_option("--spec", options->spec, "finger spec that the pack was made of")->required();
   command->add_option("--pack", options->pack, "model pack")->required();
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
+  command->add_option("--soak", options->soak, "figures of tests/system/soak.py, for area modbus");
   command->add_option("--dataset", options->dataset, "the pack's finite-element states, for area touch");
   command->add_option("--recordings", options->recordings, "CSV of recorded touches, for area real");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();

@@ -1,0 +1,59 @@
+#!/usr/bin/python3
+"""Gripper in the loop: 100 random runs of each controller, and plots of the first ones.
+
+usage: gripper.py BINARY_DIR SOURCE_DIR [--runs N] [--seed N]
+Plots go to BINARY_DIR/gripper. exit code 1: fewer than 95 of 100 runs succeeded
+"""
+import subprocess
+import sys
+from pathlib import Path
+
+ARGUMENTS = sys.argv[3:]
+sys.argv = sys.argv[:3]  # end_to_end takes the first two
+from end_to_end import BINARIES, PACK, SOURCE, SPEC, WORK, prepare  # noqa: E402
+
+FOLDER = Path(__file__).resolve().parent / "gripper"
+PLOT = """
+set terminal svg size 900,600 background "white"
+set output "{name}.svg"
+set multiplot layout 2,1 title "{title}"
+set grid
+set key outside right
+set ylabel "mm"
+plot "{name}.dat" u 1:2 w l lw 2 t "true x", "" u 1:3 w l lw 2 t "true y", "" u 1:4 w p pt 7 ps 0.2 t "read x", \\
+     "" u 1:5 w p pt 7 ps 0.2 t "read y"
+set xlabel "s"
+set ylabel "N"
+set y2label "permille"
+set y2tics
+plot "{name}.dat" u 1:6 w l lw 2 t "true force", "" u 1:7 axes x1y2 w l t "level read"
+unset multiplot
+"""
+TITLES = {"regrasp": "Regrasp towards the middle of the face: x 0, y 60 mm"}
+
+
+def states():
+    """The finger of the simulation: finite-element states of other points and forces than the network learnt from."""
+    file = WORK / "gripper-states.safetensors"
+    if not file.exists() or file.stat().st_mtime < PACK.stat().st_mtime:
+        file.unlink(missing_ok=True)
+        subprocess.run([BINARIES / "hostgen", "dataset", SPEC, "-o", file, "--points", "48", "--forces", "6"], check=True)
+    return file
+
+
+def main():
+    prepare()
+    plots = BINARIES / "gripper"
+    plots.mkdir(exist_ok=True)
+    code = subprocess.run([BINARIES / "tests" / "gripper_loop", PACK, SPEC, states(), FOLDER / "objects.csv",
+                           "--plots", plots, *ARGUMENTS]).returncode
+    for data in sorted(plots.glob("*.dat")):
+        title = TITLES.get(data.stem, f"Gentle grasp: {data.stem.removeprefix('gentle-')}, creeping under the grip")
+        script = PLOT.format(name=data.stem, title=title)
+        subprocess.run(["gnuplot"], input=script, text=True, cwd=plots, check=True)
+    print(f"plots: {plots}/*.svg")
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())
