@@ -58,8 +58,9 @@ if not ((HOST / "hostgen").exists() and (HOST / "finsightd").exists()):
     print("skipped: build the workstation's programs first (cmake --preset host && cmake --build --preset host)")
     sys.exit(SKIPPED)
 WORK.mkdir(parents=True, exist_ok=True)
-if not (WORK / "srm.safetensors").exists():
-    run(HOST / "hostgen", "build", SPEC, "-o", WORK / "srm.safetensors", "--profile", "quick")
+pack = WORK / "srm.safetensors"
+if not pack.exists() or pack.stat().st_mtime < max((HOST / "hostgen").stat().st_mtime, SPEC.stat().st_mtime):
+    run(HOST / "hostgen", "build", SPEC, "-o", pack, "--profile", "quick")
 run(HOST / "hostgen", "render", SPEC, "-o", WORK / "session", "--seconds", 2)
 (WORK / "board.toml").write_text('pack = "srm.safetensors"\n[source]\nkind = "session"\npath = "session"\n'
                                  'speed = "full"\n[modbus]\nport = 0\n')
