@@ -12,17 +12,13 @@ import subprocess
 import sys
 import time
 import unittest
-from pathlib import Path
 
+import end_to_end
+from end_to_end import BINARIES, PACK, SOURCE, SPEC, WORK
 from usb_camera import read_pictures
 from virtual_frames import SIZE, YAML, pgm, write_frames, write_session
 
-BINARIES = Path(sys.argv.pop(1))
-SOURCE = Path(sys.argv.pop(1))
 TRIXIE = SOURCE / "build" / "amd64-trixie"
-WORK = BINARIES / "system-test"
-PACK = WORK / "srm.safetensors"
-SPEC = SOURCE / "hostgen" / "fingers" / "srm.toml"
 FRAMES = WORK / "virtual-camera"    # the camera's JPEGs,
 PICTURES = WORK / "virtual-pictures"  # what it makes of them,
 SESSION = WORK / "virtual-session"    # and as a session
@@ -53,12 +49,10 @@ def make_frames():
 
 
 def prepare():
-    WORK.mkdir(exist_ok=True)
+    end_to_end.prepare()
     run("cmake", "--preset", "amd64-trixie", cwd=SOURCE)
     run("cmake", "--build", "--preset", "amd64-trixie", "--target", "finsightd", "udmabuf_shim",
         "test_ports_camera_libcamera", "test_ports_gpio_libgpiod", "test_ports_live_camera", cwd=SOURCE)
-    if not PACK.exists():
-        run(BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--profile", "quick")
     make_frames()
     yaml = WORK / "virtual.yaml"
     yaml.write_text(YAML.format(folder=FRAMES))
