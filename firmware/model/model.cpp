@@ -12,10 +12,11 @@ namespace finsight {
 namespace {
 
 // Far above any finger that a small board solves at 60 frames/s; they bound the memory that a pack can ask for.
-constexpr std::int64_t kMostNodes = 50'000, kMostTets = 200'000, kMostRank = 64, kMostWidth = 4096;
+constexpr std::int64_t kMostNodes = 50'000, kMostTets = 200'000, kMostRank = 64, kMostWidth = 4096, kMostKnots = 64;
 constexpr std::int64_t kMostSelfTests = 64;
 
 constexpr float kSmallestScale = 1e-9f, kLargestScale = 1e9f;
+constexpr float kLargestKnot = 1000;  // of the radius curve: mm, or a power
 
 /// Reads tensors and metadata, and knows at the end which tensors nobody asked for.
 class PackReader {
@@ -135,6 +136,8 @@ TouchModel read_touch(PackReader& pack) {
   touch.input_scale = pack.tensor<float>(tensor::kTouchInputScale, {TouchModel::kInputs});
   touch.output_mean = pack.tensor<float>(tensor::kTouchOutputMean, {TouchModel::kOutputs});
   touch.output_scale = pack.tensor<float>(tensor::kTouchOutputScale, {TouchModel::kOutputs});
+  const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMostKnots);
+  touch.radius_curve = pack.tensor<float>(tensor::kTouchRadiusCurve, {knots, 3});
   std::int64_t inputs = TouchModel::kInputs;
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const bool last = i + 1 == touch.layers.size();
@@ -190,6 +193,18 @@ SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes) {
   return self_test;
 }
 
+/// Motions ascend; factors and exponents are such that a radius stays one.
+void check_radius_curve(const SafetensorsFile& file, std::span<const float> curve) {
+  check_range(file, tensor::kTouchRadiusCurve, curve, -kLargestKnot, kLargestKnot);
+  for (std::size_t i = 3; i < curve.size(); i += 3) {
+    if (curve[i] <= curve[i - 3]) {
+      file.refuse(tensor::kTouchRadiusCurve,
+                  "plate motion " + std::to_string(curve[i]) + " mm at knot " + std::to_string(i / 3),
+                  "more than the knot before");
+    }
+  }
+}
+
 void check_scales(const SafetensorsFile& file, const Model& model) {
   const auto positive = [&](const char* name, std::span<const float> values) {
     check_range(file, name, values, kSmallestScale, kLargestScale);
@@ -198,6 +213,7 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   positive(tensor::kTouchScale, model.touch.scale);
   positive(tensor::kTouchInputScale, model.touch.input_scale);
   positive(tensor::kTouchOutputScale, model.touch.output_scale);
+  check_radius_curve(file, model.touch.radius_curve);
   for (std::size_t i = 0; i < model.touch.layers.size(); ++i) {
     check_range(file, tensor::kTouchWeightScale[i], model.touch.layers[i].scale, 0, kLargestScale);
   }

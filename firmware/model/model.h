@@ -67,6 +67,9 @@ struct TouchModel {
   std::span<const float> input_scale;   ///< [kInputs] multiplies (input - mean)
   std::span<const float> output_mean;   ///< [kOutputs]
   std::span<const float> output_scale;  ///< [kOutputs] multiplies the network's output
+  /// [knots, 3] plate motion (mm, ascending), a, b: the radius at that motion is exp(a) times the network's to the b,
+  /// linear in between, constant beyond.
+  std::span<const float> radius_curve;
   std::array<DenseInt8, 3> layers;      ///< 22 -> 512 -> 256 -> 11, ReLU between
   float threshold_mm = 0;               ///< plate motion below which a touch is invalid
   float range_mm = 0;                   ///< plate motion beyond which nothing was trained: over-range, no touch
@@ -139,6 +142,7 @@ inline constexpr const char* kTouchInputMean = "touch.input_mean";
 inline constexpr const char* kTouchInputScale = "touch.input_scale";
 inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
+inline constexpr const char* kTouchRadiusCurve = "touch.radius_curve";
 inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
 inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1",
                                                      "touch.weight_scale2"};

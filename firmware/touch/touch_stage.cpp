@@ -14,7 +14,19 @@ namespace {
 // Through double, whose last-digit differences between C libraries vanish in the rounding to float.
 float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
 
+float log_float(float x) { return static_cast<float>(std::log(static_cast<double>(x))); }
+
 }  // namespace
+
+float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, float radius_mm) {
+  std::size_t above = 0;  // first knot beyond the motion
+  while (above < curve.size() && curve[above] <= plate_motion_mm) above += 3;
+  const std::size_t right = std::min(above, curve.size() - 3), left = std::max<std::size_t>(above, 3) - 3;
+  const float span_mm = curve[right] - curve[left];
+  const float share = span_mm > 0 ? (plate_motion_mm - curve[left]) / span_mm : 0.0f;
+  const auto at = [&](std::size_t i) { return curve[left + i] + share * (curve[right + i] - curve[left + i]); };
+  return exp_float(at(1) + at(2) * log_float(radius_mm));
+}
 
 TouchStage::TouchStage(const TouchModel& model) : model_(model) {
   assert(model.layers[0].inputs == TouchModel::kInputs && model.layers[2].outputs == TouchModel::kOutputs);
@@ -54,7 +66,8 @@ void TouchStage::run_network(const PlatePoses& poses) {
   touch.point_mm = Vec3f(outputs[0], outputs[1], outputs[2]);
   touch.contact_mm = touch.point_mm + Vec3f(outputs[3], outputs[4], outputs[5]);
   touch.force_n = std::max(outputs[6], 0.0f);
-  touch.radius_68_mm = Vec3f(exp_float(outputs[7]), exp_float(outputs[8]), exp_float(outputs[9])).norm();
+  const Vec3f sigma_mm(exp_float(outputs[7]), exp_float(outputs[8]), exp_float(outputs[9]));
+  touch.radius_68_mm = calibrated_radius_mm(model_.radius_curve, touch_.plate_motion_mm, sigma_mm.norm());
   touch.force_sigma_n = exp_float(outputs[10]);
   // Motions far beyond any finger's overflow somewhere on the way; what comes out then is no touch.
   const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(outputs[6]) &&

@@ -7,6 +7,9 @@
 
 namespace finsight {
 
+/// The published radius of a network's radius at this plate motion: TouchModel::radius_curve.
+float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, float radius_mm);
+
 class TouchStage {
  public:
   explicit TouchStage(const Model& model) : TouchStage(model.touch) {}
@@ -19,7 +22,7 @@ class TouchStage {
   ///
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
   /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face;
-  /// training shifts the standard deviations so that it holds 68 % of the errors on held-out contact points.
+  /// the model's radius curve makes it hold 68 % of the errors on held-out contact points, whatever the plate motion.
   const Touch& locate(const PlatePoses& poses);
 
  private:

@@ -81,7 +81,7 @@ TouchModelData fit_normalisation(Measurements& measurements) {
 }  // namespace
 
 TouchModel TouchModelData::view() const {
-  TouchModel model{scale, input_mean, input_scale, output_mean, output_scale, {}, threshold_mm, range_mm};
+  TouchModel model{scale, input_mean, input_scale, output_mean, output_scale, radius_curve, {}, threshold_mm, range_mm};
   for (std::size_t l = 0; l < 3; ++l) {
     model.layers[l] = {widths[l], widths[l + 1], weights[l], weight_scale[l], bias[l]};
   }

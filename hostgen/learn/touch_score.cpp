@@ -12,6 +12,8 @@ namespace finsight::host {
 
 namespace {
 
+constexpr double kEdges_mm[] = {0, 1, 2, 4, 7, 12, 1000};  // of plate motion
+
 double radii(const TouchTrial& trial) {
   return static_cast<double>(trial.error_mm.norm()) / static_cast<double>(trial.radius_68_mm);
 }
@@ -52,19 +54,92 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
   return trials;
 }
 
-Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm) {
-  std::vector<double> radius, force;
-  for (const TouchTrial& trial : trials) {
-    if (trial.plate_motion_mm < threshold_mm) continue;
-    radius.push_back(radii(trial));
-    force.push_back(static_cast<double>(std::abs(trial.force_error_n) / trial.force_sigma_n));
+namespace {
+
+/// Trials of one band of plate motion, and what makes their radii hold what they should.
+struct Knot {
+  std::vector<TouchTrial> trials;
+  float motion_mm = 0, log_factor = 0, exponent = 1;
+};
+
+/// The exponent at which the radius that holds 68 % holds about 95 % when doubled: smaller than 1 where the network
+/// tells apart more than there is. Near 1 if that does, so that what the network knows is kept.
+void fit_exponent(Knot& knot) {
+  double best = std::numeric_limits<double>::infinity();
+  for (int tenths = 3; tenths <= 15; ++tenths) {
+    const double exponent = 0.1 * tenths;
+    std::vector<double> ratios;
+    for (const TouchTrial& t : knot.trials) {
+      ratios.push_back(static_cast<double>(t.error_mm.norm()) /
+                       std::pow(static_cast<double>(t.radius_68_mm), exponent));
+    }
+    const double factor = quantile(ratios, 0.68);
+    const auto inside = std::ranges::count_if(ratios, [&](double ratio) { return ratio <= 2 * factor; });
+    const double share = static_cast<double>(inside) / static_cast<double>(ratios.size());
+    const double cost = std::abs(share - 0.95) + 0.02 * std::abs(exponent - 1);
+    if (cost >= best) continue;
+    best = cost;
+    knot.log_factor = static_cast<float>(std::log(factor));
+    knot.exponent = static_cast<float>(exponent);
   }
-  return {quantile(std::move(radius), 0.68, 1.0), quantile(std::move(force), 0.6827, 1.0)};
 }
 
-// The network answers logarithms of standard deviations, so a factor is an addition to their means.
+std::vector<float> curve_of(const std::vector<Knot>& knots) {
+  std::vector<float> curve;
+  for (const Knot& knot : knots) curve.insert(curve.end(), {knot.motion_mm, knot.log_factor, knot.exponent});
+  return curve;
+}
+
+/// Knots in the middle of the bands; bands with few trials take their neighbours' curve.
+std::vector<float> radius_curve(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  constexpr std::size_t kFewest = 50;
+  constexpr int kSweeps = 20;  // the curve between two knots belongs to both
+  std::vector<Knot> knots;
+  for (std::size_t band = 0; band + 1 < std::size(kEdges_mm); ++band) {
+    Knot knot;
+    std::vector<double> motions_mm;
+    for (const TouchTrial& trial : trials) {
+      const auto motion_mm = static_cast<double>(trial.plate_motion_mm);
+      if (motion_mm < std::max(kEdges_mm[band], threshold_mm) || motion_mm >= kEdges_mm[band + 1]) continue;
+      knot.trials.push_back(trial);
+      motions_mm.push_back(motion_mm);
+    }
+    if (knot.trials.size() < kFewest) continue;
+    knot.motion_mm = static_cast<float>(quantile(std::move(motions_mm), 0.5));
+    fit_exponent(knot);
+    knots.push_back(std::move(knot));
+  }
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    for (Knot& knot : knots) {
+      const std::vector<float> curve = curve_of(knots);
+      std::vector<double> ratios;
+      for (const TouchTrial& t : knot.trials) {
+        ratios.push_back(
+            static_cast<double>(t.error_mm.norm() / calibrated_radius_mm(curve, t.plate_motion_mm, t.radius_68_mm)));
+      }
+      knot.log_factor += static_cast<float>(std::log(quantile(std::move(ratios), 0.68)));
+    }
+  }
+  return curve_of(knots);
+}
+
+}  // namespace
+
+Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  Calibration calibration;
+  std::vector<double> force;
+  for (const TouchTrial& trial : trials) {
+    if (static_cast<double>(trial.plate_motion_mm) < threshold_mm) continue;
+    force.push_back(static_cast<double>(std::abs(trial.force_error_n) / trial.force_sigma_n));
+  }
+  calibration.force = quantile(std::move(force), 0.6827, 1.0);
+  if (auto curve = radius_curve(trials, threshold_mm); !curve.empty()) calibration.radius_curve = std::move(curve);
+  return calibration;
+}
+
+// The network answers the logarithm of the force's standard deviation, so a factor is an addition to its mean.
 void apply(const Calibration& calibration, TouchModelData& model) {
-  for (std::size_t i = 7; i < 10; ++i) model.output_mean[i] += static_cast<float>(std::log(calibration.radius));
+  model.radius_curve = calibration.radius_curve;
   model.output_mean[10] += static_cast<float>(std::log(calibration.force));
 }
 
@@ -115,7 +190,7 @@ std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, 
   for (std::size_t half = 0; half < 2; ++half) {
     const Calibration calibration = calibrate(halves[1 - half], threshold_mm);
     for (TouchTrial trial : halves[half]) {
-      trial.radius_68_mm *= static_cast<float>(calibration.radius);
+      trial.radius_68_mm = calibrated_radius_mm(calibration.radius_curve, trial.plate_motion_mm, trial.radius_68_mm);
       trial.force_sigma_n *= static_cast<float>(calibration.force);
       calibrated.push_back(trial);
     }
@@ -124,7 +199,6 @@ std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, 
 }
 
 std::vector<TouchBand> error_bands(const std::vector<TouchTrial>& trials) {
-  constexpr double kEdges_mm[] = {0, 1, 2, 4, 7, 12, 1000};
   std::vector<TouchBand> bands;
   for (std::size_t b = 0; b + 1 < std::size(kEdges_mm); ++b) {
     TouchBand band{.from_mm = kEdges_mm[b], .to_mm = kEdges_mm[b + 1]};

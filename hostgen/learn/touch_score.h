@@ -23,18 +23,20 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
                                    const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
                                    const std::array<bool, kPlates>& seen, int repeats, std::uint64_t seed);
 
-/// By what the published radius and the force's standard deviation must be multiplied to hold 68 % of the errors of
-/// trials at or above the threshold; 1 if there are none.
+/// What makes the radius hold 68 % of the errors, and twice the radius about 95 %, in every band of plate motion
+/// (error_bands) of trials of a network that is not calibrated, at or above the threshold; and the factor that makes
+/// the force's standard deviation hold 68.3 %. Nothing changes where there are no trials.
 struct Calibration {
-  double radius = 1, force = 1;
+  std::vector<float> radius_curve = {0, 0, 1};  ///< TouchModel::radius_curve
+  double force = 1;
 };
 Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm);
 void apply(const Calibration& calibration, TouchModelData& model);
 
 /// Errors and coverage of the trials at or above the threshold.
 TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm);
-/// The trials with the radius that a calibration on the other half of the contact points gives each half: what coverage
-/// is counted on.
+/// Uncalibrated trials with the radius that a calibration on the other half of the contact points gives each half: what
+/// coverage is counted on.
 std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm);
 
 /// Errors by how far the plates moved: 0, 1, 2, 4, 7, 12 mm and more; bands without trials are left out.

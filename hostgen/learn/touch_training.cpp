@@ -132,10 +132,11 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   result.random_clean = score(random_run.clean_trials(prior), spec.threshold_mm);
   result.random_noisy = score(random_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
 
-  const Calibration calibration = calibrate(points_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
+  const std::vector<TouchTrial> raw = points_run.noisy_trials(spec, prior, seed);
+  const Calibration calibration = calibrate(raw, spec.threshold_mm);
   apply(calibration, points_run.trained->model);
   apply(calibration, final_run.trained->model);
-  const std::vector<TouchTrial> noisy = cross_calibrated(points_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
+  const std::vector<TouchTrial> noisy = cross_calibrated(raw, spec.threshold_mm);
   result.held_out_clean = score(points_run.clean_trials(prior), spec.threshold_mm);
   result.held_out_noisy = score(noisy, spec.threshold_mm);
   result.bands = error_bands(noisy);
@@ -147,11 +148,10 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   char text[400];
   std::snprintf(text, sizeof text,
                 "%zu states; interpolant: leaving one contact point out, a plate is %.3f mm (RMS) off\n"
-                "calibration: radius times %.2f, force deviation times %.2f; int8 moves the point by %.3f mm "
+                "calibration: force deviation times %.2f; int8 moves the point by %.3f mm "
                 "(mean; worst %.2f mm), mean error %.3f mm in floats, %.3f mm in int8\n",
-                states.size(), final_run.leave_one_out_mm, calibration.radius, calibration.force,
-                result.quantisation.mean_mm, result.quantisation.worst_mm, result.quantisation.float_error_mm,
-                result.quantisation.int8_error_mm);
+                states.size(), final_run.leave_one_out_mm, calibration.force, result.quantisation.mean_mm,
+                result.quantisation.worst_mm, result.quantisation.float_error_mm, result.quantisation.int8_error_mm);
   result.log = text + line("held-out states, clean", result.random_clean) +
                line("held-out points, clean", result.held_out_clean) +
                line("held-out states, noisy", result.random_noisy) +

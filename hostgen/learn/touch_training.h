@@ -21,6 +21,7 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset);
 /// Owns what a TouchModel views.
 struct TouchModelData {
   std::vector<float> scale, input_mean, input_scale, output_mean, output_scale;
+  std::vector<float> radius_curve = {0, 0, 1};  ///< not calibrated
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs

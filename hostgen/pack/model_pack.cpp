@@ -50,6 +50,8 @@ void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchInputScale, {TouchModel::kInputs}, touch.input_scale);
   tensors.add(tensor::kTouchOutputMean, {TouchModel::kOutputs}, touch.output_mean);
   tensors.add(tensor::kTouchOutputScale, {TouchModel::kOutputs}, touch.output_scale);
+  tensors.add(tensor::kTouchRadiusCurve, {static_cast<std::int64_t>(touch.radius_curve.size() / 3), 3},
+              touch.radius_curve);
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const DenseInt8& layer = touch.layers[i];
     tensors.add(tensor::kTouchWeights[i], {layer.outputs, layer.inputs}, layer.weights);

@@ -4,6 +4,9 @@
 
 #include <cmath>
 
+#include "firmware/touch/touch_stage.h"
+#include "hostgen/random.h"
+
 using namespace finsight;
 using namespace finsight::host;
 
@@ -30,13 +33,14 @@ std::vector<TouchTrial> ramp(std::int32_t path, float plate_motion_mm) {
 
 TEST_CASE("touch score: calibration makes the radius hold 68 % of the errors and the force's deviation 68.3 %") {
   const Calibration calibration = calibrate(ramp(0, 5), 2);
-  CHECK(calibration.radius == doctest::Approx(0.68 / 0.2).epsilon(0.02));
+  REQUIRE(calibration.radius_curve.size() == 3);  // all at 5 mm of plate motion
+  CHECK(calibrated_radius_mm(calibration.radius_curve, 5, 0.2f) == doctest::Approx(0.68).epsilon(0.02));
   CHECK(calibration.force == doctest::Approx(2 * 0.6827 / 0.5).epsilon(0.02));
   TouchModelData model;
   model.output_mean.assign(11, 0.0f);
   apply(calibration, model);
-  for (std::size_t i = 0; i < 7; ++i) CHECK(model.output_mean[i] == 0);
-  for (std::size_t i = 7; i < 10; ++i) CHECK(double(model.output_mean[i]) == doctest::Approx(std::log(calibration.radius)));
+  CHECK(model.radius_curve == calibration.radius_curve);
+  for (std::size_t i = 0; i < 10; ++i) CHECK(model.output_mean[i] == 0);
   CHECK(double(model.output_mean[10]) == doctest::Approx(std::log(calibration.force)));
 }
 
@@ -49,7 +53,33 @@ TEST_CASE("touch score: trials below the threshold do not count, and none at all
   CHECK(score(trials, 2).mean_mm == alone.mean_mm);
   CHECK(score(weak, 2).touches == 0);
   CHECK(score(weak, 2).mean_mm == 0);
-  CHECK(calibrate(weak, 2).radius == 1);
+  CHECK(calibrate(weak, 2).radius_curve == TouchModelData{}.radius_curve);
+}
+
+TEST_CASE("touch score: in every band of plate motion the radius holds 68 % and twice the radius 95 %") {
+  // Errors in the plane whose size varies more than their normal distribution says, and a network that is wrong in each
+  // band in another way, and knows only half of what varies.
+  Random random(3);
+  std::vector<TouchTrial> trials;
+  for (int i = 0; i < 40000; ++i) {
+    TouchTrial trial;
+    trial.path = i % 100;
+    trial.plate_motion_mm = static_cast<float>(2 + 16 * random.uniform());
+    const double known = 0.5 * random.normal(), unknown = 0.5 * random.normal();
+    const double sigma_mm = 3 / static_cast<double>(trial.plate_motion_mm) * std::exp(known + unknown);
+    trial.error_mm =
+        Vec3f(static_cast<float>(sigma_mm * random.normal()), static_cast<float>(sigma_mm * random.normal()), 0);
+    trial.radius_68_mm = static_cast<float>(std::exp(2 * known));
+    trial.force_sigma_n = trial.force_error_n = 1;
+    trials.push_back(trial);
+  }
+  const std::vector<TouchBand> bands = error_bands(cross_calibrated(trials, 2));
+  REQUIRE(bands.size() == 4);
+  for (const TouchBand& band : bands) {
+    CAPTURE(band.from_mm);
+    CHECK(std::abs(band.coverage_68 - 0.68) < 0.015);
+    CHECK(std::abs(band.coverage_95 - 0.95) < 0.03);
+  }
 }
 
 TEST_CASE("touch score: figures of hand-made trials") {

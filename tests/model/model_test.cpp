@@ -76,6 +76,7 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(same(model.touch.input_scale, tiny.input_scale));
   CHECK(same(model.touch.output_mean, tiny.output_mean));
   CHECK(same(model.touch.output_scale, tiny.output_scale));
+  CHECK(same(model.touch.radius_curve, tiny.radius_curve));
   for (std::size_t i = 0; i < 3; ++i) {
     CHECK(model.touch.layers[i].inputs * model.touch.layers[i].outputs == static_cast<int>(tiny.weights[i].size()));
     CHECK(same(model.touch.layers[i].weights, tiny.weights[i]));

@@ -24,7 +24,8 @@ struct TinyModel {
   std::vector<std::uint8_t> node_kind;
   std::vector<std::int32_t> order, pattern_start{0}, pattern_row, supernode_start{0}, rows_start{0}, rows;
   std::vector<float> map_scale, map_weights, map_basis;
-  std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale;
+  std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale,
+      radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1};
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::vector<float> prior_mean, prior_covariance;
@@ -62,6 +63,7 @@ struct TinyModel {
     all.touch.input_scale = input_scale;
     all.touch.output_mean = output_mean;
     all.touch.output_scale = output_scale;
+    all.touch.radius_curve = radius_curve;
     for (std::size_t i = 0; i < 3; ++i) {
       all.touch.layers[i] = {layer_width(i), layer_width(i + 1), weights[i], weight_scale[i], bias[i]};
     }

@@ -46,6 +46,16 @@ const FemState kPushed = test::synthetic_state(5, 70, 5);
 
 }  // namespace
 
+TEST_CASE("touch stage: the radius curve is linear between its knots and constant beyond them") {
+  const std::vector<float> curve = {2, std::log(2.0f), 1, 6, 0, 0.5f};
+  CHECK(calibrated_radius_mm(curve, 1, 3) == doctest::Approx(6));
+  CHECK(calibrated_radius_mm(curve, 2, 3) == doctest::Approx(6));
+  CHECK(calibrated_radius_mm(curve, 4, 3) == doctest::Approx(std::sqrt(2.0) * std::pow(3.0, 0.75)));
+  CHECK(calibrated_radius_mm(curve, 6, 4) == doctest::Approx(2));
+  CHECK(calibrated_radius_mm(curve, 60, 4) == doctest::Approx(2));
+  CHECK(calibrated_radius_mm(std::vector<float>{0, 0, 1}, 5, 3) == doctest::Approx(3));
+}
+
 TEST_CASE("touch stage: answers the float network's numbers within the loss of quantisation") {
   TouchStage stage(trained().model.view());
   double worst_mm = 0, worst_n = 0;
