@@ -1,5 +1,6 @@
 #include "hostgen/finger/spec.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -68,8 +69,28 @@ Eigen::AlignedBox3d read_box(TomlTable table) {
   return {lowest, highest};
 }
 
+/// Which of the file's axes lie along the finger's x, y and z: ["x", "z", "-y"] for a finger that stands along the
+/// file's z.
+Eigen::Matrix3d read_axes(TomlTable& table) {
+  const std::vector<std::string> names = table.texts("axes");
+  Eigen::Matrix3d R = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < names.size() && i < 3; ++i) {
+    const bool negative = names[i].starts_with('-');
+    const std::size_t axis = std::string("xyz").find(names[i].substr(negative));
+    if (names[i].size() == 1U + negative && axis < 3)
+      R(static_cast<int>(i), static_cast<int>(axis)) = negative ? -1 : 1;
+  }
+  if (names.size() != 3 || R.determinant() != 1) {
+    throw InputError(table.where("axes"), "surface.axes", "axes that do not make a right-handed frame",
+                     "three of \"x\", \"-x\" ... \"-z\", such as [\"x\", \"z\", \"-y\"]");
+  }
+  return R;
+}
+
 void read_surface(TomlTable table, SurfaceSource& source) {
   source.file = table.path("file");
+  if (table.has("axes")) source.R_finger_file = read_axes(table);
+  if (table.has("origin_mm")) source.origin_mm = vector3(table, "origin_mm", 100 * kLargestMm);
   source.units = table.choice("units", {"mm", "cm", "m", "inch"});
   source.base_mm = read_box(table.table("base"));
   source.front_mm = read_box(table.table("front"));

@@ -16,9 +16,15 @@ using Eigen::AlignedBox3d;
 const std::map<std::string, double> kUnits_mm = {{"mm", 1}, {"cm", 10}, {"m", 1000}, {"inch", 25.4}};
 constexpr double kSmallestMm = 20, kLargestMm = 1000;  // of a finger's largest side
 constexpr double kUsualMm = 500;                       // what a guess of the units aims at
+// Each becomes several tetrahedra, and the board solves for all of them in every frame.
+constexpr std::size_t kMostTriangles = 20'000;
 
 /// A finger of 0.12 mm was drawn in metres.
 void check_size(const TriangleSurface& surface, const SurfaceSource& source) {
+  if (surface.triangle.size() > kMostTriangles) {
+    throw InputError(source.file.string(), "surface", std::to_string(surface.triangle.size()) + " triangles",
+                     "at most " + std::to_string(kMostTriangles) + ", better some hundreds (simplify the surface)");
+  }
   AlignedBox3d bounds;
   for (const Eigen::Vector3d& at : surface.point_mm) bounds.extend(at);
   const Eigen::Vector3d size = bounds.sizes();
@@ -74,6 +80,7 @@ SurfaceFinger read_surface_finger(const SurfaceSource& source, const std::filesy
   surface = read_triangles(source.file, kUnits_mm.at(source.units));
   check_size(surface, source);
   check_bounds_a_solid(surface, source.file.string());
+  for (Eigen::Vector3d& at : surface.point_mm) at = source.R_finger_file * (at - source.origin_mm);
   check_boxes_apart(source, spec);
   for (const PlateBox& plate : source.plates) snap_to_box(surface, plate.box_mm);
   const auto field = [](int plate) { return std::string("plates.") + kPlateNames[plate] + ".box"; };

@@ -12,11 +12,13 @@
 
 namespace finsight::host {
 
-/// What the spec says about it.
+/// What the spec says about it. Boxes are in the finger frame.
 struct SurfaceSource {
   std::filesystem::path file;
-  std::string units;                     ///< of the file's numbers: "mm", "cm", "m" or "inch"
-  std::array<PlateBox, kPlates> plates;  ///< top, middle, low; finger frame, as all of these
+  std::string units;  ///< of the file's numbers: "mm", "cm", "m" or "inch"
+  Eigen::Matrix3d R_finger_file = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d origin_mm = Eigen::Vector3d::Zero();  ///< of the finger frame, in the file's axes
+  std::array<PlateBox, kPlates> plates;                 ///< top, middle, low
   Eigen::AlignedBox3d base_mm, front_mm;
 };
 

@@ -165,6 +165,28 @@ TEST_CASE("surface finger: wrong units are told from the size, with what they ma
         std::string::npos);
 }
 
+TEST_CASE("surface finger: a file with other axes and another origin is the same finger; a mirrored one is none") {
+  TriangleSurface standing = srm_surface();  // along z, its back towards -y
+  for (Vector3d& at : standing.point_mm) at = Vector3d(at.x(), -at.z(), at.y()) + Vector3d(500, -30, 7);
+  const auto with_axes = [](const std::string& axes) {
+    return replaced(spec_text(), "units =", "axes = " + axes + "\norigin_mm = [500, -30, 7]\nunits =");
+  };
+  CHECK(refusal(with_axes(R"(["x", "z", "-y"])"), standing) == "");
+  CHECK(refusal(spec_text(), standing) != "");
+  for (const char* axes : {R"(["x", "z", "y"])", R"(["x", "x", "z"])", R"(["x", "z"])", R"(["x", "z", "-w"])",
+                           R"(["x", "z", "--y"])", R"(["", "z", "-y"])"}) {
+    const std::string message = refusal(with_axes(axes), standing);
+    CHECK_MESSAGE(message.find("surface.axes: found axes that do not make a right-handed frame") != std::string::npos,
+                  message);
+  }
+}
+
+TEST_CASE("surface finger: a surface of far too many triangles is refused before work begins") {
+  TriangleSurface many = srm_surface();
+  while (many.triangle.size() <= 20'000) many.triangle.push_back({0, 1, 2});
+  CHECK(refusal(spec_text(), many).find("20001 triangles, expected at most 20000") != std::string::npos);
+}
+
 TEST_CASE("surface finger: a surface that bounds no solid is refused by its own file's name") {
   TriangleSurface hole = srm_surface();
   hole.triangle.pop_back();
