@@ -150,6 +150,9 @@ void run(const Options& options) {
   figures.fem_failed = dataset.count(Outcome::kNoEquilibrium);
   std::printf("finite elements: %zu states, %zu of them pushed too far, %zu without equilibrium, %.1f s\n",
               figures.fem_states, figures.fem_too_far, figures.fem_failed, figures.fem_seconds);
+  figures.deformation = measure_deformation_rise(dataset, parts.shape.front_nodes);
+  figures.rated_deformation_mm = parts.spec.rated_deformation_mm;
+  std::printf("%s\n", deformation_text(figures.deformation, figures.rated_deformation_mm).c_str());
 
   if (!options.save_dataset.empty()) write_dataset(options.save_dataset, dataset);
 

@@ -6,6 +6,7 @@
 #include "firmware/input_error.h"
 #include "hostgen/commands.h"
 #include "hostgen/fem/dataset.h"
+#include "hostgen/fem/deformation.h"
 
 namespace finsight::host {
 
@@ -40,10 +41,13 @@ void run(const Options& options) {
     throw InputError("command line", "--shard", options.shard, "at most one shard per point");
   }
   const std::filesystem::path resume = options.output.string() + ".paths";
-  const FemDataset dataset = make_dataset(spec, make_mesh(spec), options.plan, shard, resume);
+  const TetMesh mesh = make_mesh(spec);
+  const FemDataset dataset = make_dataset(spec, mesh, options.plan, shard, resume);
   write_dataset(options.output, dataset);
   std::filesystem::remove_all(resume);
   print_summary(options.output, dataset);
+  const DeformationRise rise = measure_deformation_rise(dataset, mesh.front_nodes);
+  std::printf("%s\n", deformation_text(rise, spec.rated_deformation_mm).c_str());
 }
 
 }  // namespace

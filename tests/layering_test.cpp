@@ -104,6 +104,7 @@ TEST_CASE("layering: an outside library is seen by the folders that it was chose
       {"nlohmann/", {"firmware/model", "hostgen/bench", "hostgen/pack", "hostgen/report", "hostgen"}},
       {"openssl/", {"hostgen"}},
       {"metis.h", {"hostgen/fem"}},
+      {"assimp/", {"hostgen/finger"}},
       {"CLI/", {"hostgen", "hostgen/bench"}},
       {"Eigen/CholmodSupport", {"hostgen/bench"}},
   };

@@ -6,6 +6,8 @@
 #include <limits>
 #include <map>
 
+#include "hostgen/finger/front_face.h"
+
 namespace finsight::host {
 namespace {
 
@@ -21,7 +23,7 @@ class MiddleNodes {
     if (added) {
       const auto from = static_cast<std::size_t>(a), to = static_cast<std::size_t>(b);
       out_.node_mm.push_back(0.5 * (out_.node_mm[from] + out_.node_mm[to]));
-      // The base is a plane, so an edge between two of its nodes lies in it.
+      // The base is a plane or a box, so an edge between two of its nodes lies in it.
       out_.fixed.push_back(on_base_[from] && on_base_[to]);
     }
     return edge->second;
@@ -32,37 +34,6 @@ class MiddleNodes {
   std::vector<bool> on_base_;
   std::map<std::pair<int, int>, int> middle_;
 };
-
-/// Barycentric coordinates of (x, y) in the triangle seen along z.
-Eigen::Vector3d barycentric(const std::array<Eigen::Vector3d, 3>& corner, double x, double y) {
-  const Eigen::Vector2d p(x, y), a = corner[0].head<2>(), ab = corner[1].head<2>() - a, ac = corner[2].head<2>() - a;
-  const double twice_area = ab.x() * ac.y() - ab.y() * ac.x();
-  const Eigen::Vector2d ap = p - a;
-  const double b = (ap.x() * ac.y() - ap.y() * ac.x()) / twice_area;
-  const double c = (ab.x() * ap.y() - ab.y() * ap.x()) / twice_area;
-  return {1 - b - c, b, c};
-}
-
-/// Nearest point of the triangle to (x, y), seen along z, as barycentric coordinates.
-Eigen::Vector3d nearest_in_triangle(const std::array<Eigen::Vector3d, 3>& corner, double x, double y) {
-  const Eigen::Vector3d inside = barycentric(corner, x, y);
-  if (inside.minCoeff() >= 0) return inside;
-  Eigen::Vector3d best = Eigen::Vector3d::Zero();
-  double best_distance = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < 3; ++i) {
-    const int j = (i + 1) % 3;
-    const auto from = corner[static_cast<std::size_t>(i)].head<2>(), to = corner[static_cast<std::size_t>(j)].head<2>();
-    const Eigen::Vector2d edge = to - from;
-    const double along = std::clamp((Eigen::Vector2d(x, y) - from).dot(edge) / edge.squaredNorm(), 0.0, 1.0);
-    const double distance = (from + along * edge - Eigen::Vector2d(x, y)).squaredNorm();
-    if (distance >= best_distance) continue;
-    best_distance = distance;
-    best.setZero();
-    best[i] = 1 - along;
-    best[j] = along;
-  }
-  return best;
-}
 
 }  // namespace
 

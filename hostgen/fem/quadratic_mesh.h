@@ -28,7 +28,7 @@ struct QuadraticMesh {
   std::vector<Eigen::Vector3d> node_mm;
   std::vector<std::array<int, kTetNodes>> tets;   ///< in the order of the TetMesh
   std::vector<int> region;                        ///< per tet, as in the TetMesh
-  std::vector<std::uint8_t> fixed;                ///< per node: 1 on the base plane, and middle nodes of C3D4
+  std::vector<std::uint8_t> fixed;                ///< per node: 1 on the base, and middle nodes of C3D4
   std::array<std::vector<int>, kPlates> plate_nodes;
   std::vector<std::array<int, 6>> front;          ///< triangles of the touched face: corners, middles of 01 12 20
 };

@@ -36,8 +36,6 @@ struct FingerGrid {
   std::size_t index(std::array<int, 3> cell) const;
 };
 
-inline constexpr std::array<const char*, kPlates> kPlateNames = {"top", "middle", "low"};
-
 /// Inner half width and inner depth's ends at height y: where a plate's fractions are measured.
 double inner_half_width_mm(const FingerSpec& spec, double y_mm);
 double inner_front_mm(const FingerSpec& spec, double y_mm);

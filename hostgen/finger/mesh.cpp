@@ -1,16 +1,23 @@
-// Spec -> grid -> surface -> TetGen, then made into what the solvers rely on: right-handed tets, no unused nodes, and
-// the node sets (touched face, base, plates) found from the planes and regions that define them.
+// Spec -> surface (of a grid, or from a file) -> TetGen, then made into what the solvers rely on: right-handed tets, no
+// unused nodes, and the node sets (touched face, base, plates) found from the planes, boxes and regions that define
+// them.
 #include "hostgen/finger/mesh.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <optional>
 #include <stdexcept>
 
+#include "hostgen/finger/front_face.h"
 #include "hostgen/finger/grid.h"
+#include "hostgen/finger/plate_geometry.h"
 #include "hostgen/finger/surface.h"
+#include "hostgen/finger/surface_finger.h"
 #include "hostgen/finger/tetgen.h"
 
 namespace finsight::host {
@@ -21,8 +28,8 @@ constexpr std::chrono::seconds kTetgenLimit{30};  // the fine mesh takes a secon
 constexpr double kOnPlaneMm = 1e-6;
 
 /// q: largest radius-edge ratio / smallest dihedral angle aimed at; a: largest volume, mm^3; A: regions; Q: quiet; T:
-/// what counts as coplanar (at its default, 1e-8, TetGen 1.5 aborts on fingers that it meshes well with 1e-9 ... 1e-13).
-/// Without a volume the walls' thickness and the ratio decide the number of tets.
+/// what counts as coplanar (at its default, 1e-8, TetGen 1.5 aborts on fingers that it meshes well with 1e-9 ...
+/// 1e-13). Without a volume the walls' thickness and the ratio decide the number of tets.
 const char* switches(MeshSize size) {
   switch (size) {
     case MeshSize::kCoarse:
@@ -70,21 +77,63 @@ void drop_unused_nodes(TetMesh& mesh) {
   }
 }
 
-void find_node_sets(TetMesh& mesh, const FingerSpec& spec) {
+/// The faces that only one tet has, outward.
+std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh) {
+  std::map<std::array<int, 3>, std::pair<std::array<int, 3>, int>> faces;  // by nodes in order: itself, how many
+  std::vector<std::array<int, 3>> keys;                                    // in the order of their tets
+  for (const auto& tet : mesh.tets) {
+    for (const auto& face : kFaces) {
+      const std::array<int, 3> nodes = {tet[face[0]], tet[face[1]], tet[face[2]]};
+      std::array<int, 3> key = nodes;
+      std::sort(key.begin(), key.end());
+      const auto [place, added] = faces.try_emplace(key, nodes, 0);
+      ++place->second.second;
+      if (added) keys.push_back(key);
+    }
+  }
+  std::vector<std::array<int, 3>> boundary;
+  for (const auto& key : keys) {
+    const auto& [nodes, count] = faces.at(key);
+    if (count == 1) boundary.push_back(nodes);
+  }
+  return boundary;
+}
+
+void sort_out(std::vector<int>& nodes) {
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+}
+
+/// Touched face and base from the planes that define them.
+void find_faces(TetMesh& mesh, const FingerSpec& spec) {
   for (int node = 0; node < static_cast<int>(mesh.node_mm.size()); ++node) {
     const auto [x, y, z] = mesh.node_mm[node];
     if (std::abs(z - spec.front_z.at(y)) < kOnPlaneMm) mesh.front_nodes.push_back(node);
     if (std::abs(y) < kOnPlaneMm) mesh.base_nodes.push_back(node);
   }
+}
+
+/// Touched face and base from the boxes that define them.
+void find_faces(TetMesh& mesh, const SurfaceFinger& finger) {
+  std::vector<Eigen::Vector3d> points;
+  for (int node = 0; node < static_cast<int>(mesh.node_mm.size()); ++node) {
+    points.push_back(at(mesh, node));
+    if (finger.source.base_mm.exteriorDistance(points.back()) < kOnPlaneMm) mesh.base_nodes.push_back(node);
+  }
+  const auto boundary = boundary_triangles(mesh);
+  for (const std::size_t t : front_patch(points, boundary, finger.source.front_mm)) {
+    mesh.front_nodes.insert(mesh.front_nodes.end(), boundary[t].begin(), boundary[t].end());
+  }
+  sort_out(mesh.front_nodes);
+}
+
+void find_plate_nodes(TetMesh& mesh) {
   for (std::size_t i = 0; i < mesh.tets.size(); ++i) {
     if (mesh.region[i] < kFirstPlateRegion) continue;
     std::vector<int>& nodes = mesh.plate_nodes[mesh.region[i] - kFirstPlateRegion];
     nodes.insert(nodes.end(), mesh.tets[i].begin(), mesh.tets[i].end());
   }
-  for (std::vector<int>& nodes : mesh.plate_nodes) {
-    std::sort(nodes.begin(), nodes.end());
-    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
-  }
+  for (std::vector<int>& nodes : mesh.plate_nodes) sort_out(nodes);
 }
 
 double min_dihedral_deg(const TetMesh& mesh) {
@@ -102,11 +151,46 @@ double min_dihedral_deg(const TetMesh& mesh) {
   return std::acos(std::min(1.0, largest_cosine)) * 180 / std::numbers::pi;
 }
 
+/// What a region of TetGen's is, by the middle of its largest tet: a region is cut off by the plates' boxes, so any of
+/// its points would do. Nothing if it is a closed hollow.
+std::optional<int> region_at(const SurfaceFinger& finger, const Eigen::Vector3d& middle) {
+  for (int plate = 0; plate < kPlates; ++plate) {
+    if (finger.source.plates[plate].box_mm.contains(middle)) return kFirstPlateRegion + plate;
+  }
+  if (winding_number(finger.surface, middle) < 0.5) return std::nullopt;
+  return kBodyRegion;
+}
+
+/// Gives TetGen's regions the numbers of ours and drops what fills hollows.
+void name_regions(TetgenOutput& raw, const SurfaceFinger& finger) {
+  std::map<int, std::pair<double, Eigen::Vector3d>> largest;  // tet of a region: volume, middle
+  for (std::size_t t = 0; t < raw.tets.size(); ++t) {
+    Eigen::Matrix<double, 3, 4> corner;
+    for (int i = 0; i < 4; ++i) corner.col(i) = Eigen::Map<const Eigen::Vector3d>(raw.nodes[raw.tets[t][i]].data());
+    const double volume = std::abs((corner.rightCols<3>().colwise() - corner.col(0)).determinant());
+    auto& best = largest[raw.region[t]];
+    if (volume > best.first) best = {volume, corner.rowwise().mean()};
+  }
+  std::map<int, std::optional<int>> ours;
+  for (const auto& [region, tet] : largest) ours[region] = region_at(finger, tet.second);
+  std::size_t kept = 0;
+  for (std::size_t t = 0; t < raw.tets.size(); ++t) {
+    const std::optional<int> region = ours.at(raw.region[t]);
+    if (!region) continue;
+    raw.tets[kept] = raw.tets[t];
+    raw.region[kept++] = *region;
+  }
+  raw.tets.resize(kept);
+  raw.region.resize(kept);
+}
+
 }  // namespace
 
 TetMesh make_mesh(const FingerSpec& spec, MeshSize size) {
-  check_shape(spec);
-  TetgenOutput raw = run_tetgen(poly_text(make_surface(make_grid(spec))), switches(size), kTetgenLimit);
+  if (!spec.surface) check_shape(spec);
+  const Surface surface = spec.surface ? spec.surface->tetgen_input() : make_surface(make_grid(spec));
+  TetgenOutput raw = run_tetgen(poly_text(surface), switches(size), kTetgenLimit);
+  if (spec.surface) name_regions(raw, *spec.surface);
   TetMesh mesh;
   mesh.node_mm = std::move(raw.nodes);
   mesh.tets = std::move(raw.tets);
@@ -117,7 +201,12 @@ TetMesh make_mesh(const FingerSpec& spec, MeshSize size) {
   }
   orient(mesh);
   drop_unused_nodes(mesh);
-  find_node_sets(mesh, spec);
+  if (spec.surface) {
+    find_faces(mesh, *spec.surface);
+  } else {
+    find_faces(mesh, spec);
+  }
+  find_plate_nodes(mesh);
   mesh.min_dihedral_deg = min_dihedral_deg(mesh);
   return mesh;
 }
@@ -127,13 +216,10 @@ std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh) {
   const auto on_front = [&](int node) {
     return std::binary_search(mesh.front_nodes.begin(), mesh.front_nodes.end(), node);
   };
-  for (const auto& tet : mesh.tets) {
-    for (const auto& face : kFaces) {
-      // The face is a plane with all of the finger on one side, so three nodes on it are a triangle of it.
-      if (on_front(tet[face[0]]) && on_front(tet[face[1]]) && on_front(tet[face[2]])) {
-        triangles.push_back({tet[face[0]], tet[face[1]], tet[face[2]]});
-      }
-    }
+  for (const auto& [a, b, c] : boundary_triangles(mesh)) {
+    if (!on_front(a) || !on_front(b) || !on_front(c)) continue;
+    // Three nodes of a curved face's rim may also be a triangle of the side.
+    if (looks_to_front((at(mesh, b) - at(mesh, a)).cross(at(mesh, c) - at(mesh, a)))) triangles.push_back({a, b, c});
   }
   return triangles;
 }
@@ -159,7 +245,7 @@ std::vector<Vec3f> touch_points(const FingerSpec& spec, int count) {
     const int in_row = last - static_cast<int>(points.size());
     for (int i = 0; i < in_row; ++i) {
       const double x = in_row == 1 ? 0 : half * (2.0 * i / (in_row - 1) - 1);
-      points.emplace_back(static_cast<float>(x), static_cast<float>(y), static_cast<float>(spec.front_z.at(y)));
+      points.push_back(front_point_mm(spec, x, y).cast<float>());
     }
   }
   return points;

@@ -18,7 +18,7 @@ struct TetMesh {
   std::vector<std::array<int, 4>> tets;               ///< positively oriented: det(x1-x0, x2-x0, x3-x0) > 0
   std::vector<int> region;                            ///< per tet
   std::vector<int> front_nodes;                       ///< on the touched face, ascending
-  std::vector<int> base_nodes;                        ///< on the base plane y = 0, ascending
+  std::vector<int> base_nodes;                        ///< on the base plane y = 0 or in the base box, ascending
   std::array<std::vector<int>, kPlates> plate_nodes;  ///< of the rigid plates, ascending
   double min_dihedral_deg = 0;
 };
@@ -34,7 +34,7 @@ TetMesh make_mesh(const FingerSpec& spec, MeshSize size = MeshSize::kDefault);
 std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh);
 
 /// Exactly `count` >= 1 points spread evenly over the part of the undeformed front face that is touched (the spec's
-/// touch section), its border included. They lie on the face's plane, in rows from the lowest up; not on mesh nodes.
+/// touch section), its border included. They lie on the face, in rows from the lowest up; not on mesh nodes.
 std::vector<Vec3f> touch_points(const FingerSpec& spec, int count);
 
 /// Checks that both pictures show all markers whole, each with its white border of one module: projects plates, beams

@@ -1,14 +1,20 @@
 #include "hostgen/finger/spec.h"
 
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <set>
+#include <sstream>
 
 #include "firmware/input_error.h"
 #include "firmware/toml_table.h"
 #include "hostgen/common.h"
+#include "hostgen/finger/front_face.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/finger/mesh.h"
+#include "hostgen/finger/plate_geometry.h"
+#include "hostgen/finger/surface_finger.h"
 
 namespace finsight::host {
 
@@ -54,6 +60,58 @@ void read_shape(TomlTable table, FingerSpec& spec) {
   table.finish();
 }
 
+Eigen::AlignedBox3d read_box(TomlTable table) {
+  const Eigen::Vector3d lowest = vector3(table, "min_mm", kLargestMm), highest = vector3(table, "max_mm", kLargestMm);
+  if (!(lowest.array() < highest.array()).all()) {
+    throw InputError(table.where("max_mm"), "max_mm", place_text(highest), "more than min_mm in all three");
+  }
+  table.finish();
+  return {lowest, highest};
+}
+
+/// Which of the file's axes lie along the finger's x, y and z: ["x", "z", "-y"] for a finger that stands along the
+/// file's z.
+Eigen::Matrix3d read_axes(TomlTable& table) {
+  const std::vector<std::string> names = table.texts("axes");
+  Eigen::Matrix3d R = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < names.size() && i < 3; ++i) {
+    const bool negative = names[i].starts_with('-');
+    const std::size_t axis = std::string("xyz").find(names[i].substr(negative));
+    if (names[i].size() == 1U + negative && axis < 3)
+      R(static_cast<int>(i), static_cast<int>(axis)) = negative ? -1 : 1;
+  }
+  if (names.size() != 3 || R.determinant() != 1) {
+    throw InputError(table.where("axes"), "surface.axes", "axes that do not make a right-handed frame",
+                     "three of \"x\", \"-x\" ... \"-z\", such as [\"x\", \"z\", \"-y\"]");
+  }
+  return R;
+}
+
+void read_surface(TomlTable table, SurfaceSource& source) {
+  source.file = table.path("file");
+  if (table.has("axes")) source.R_finger_file = read_axes(table);
+  if (table.has("origin_mm")) source.origin_mm = vector3(table, "origin_mm", 100 * kLargestMm);
+  source.units = table.choice("units", {"mm", "cm", "m", "inch"});
+  source.base_mm = read_box(table.table("base"));
+  source.front_mm = read_box(table.table("front"));
+  table.finish();
+}
+
+/// In a surface, the plate's box says where it is; in a parametric finger, fractions of its inner width and depth.
+void read_place(TomlTable& entry, PlateSpec& plate, PlateBox& box, bool in_surface) {
+  if (!in_surface) {
+    plate.beam_y_mm = entry.number("beam_y_mm", 0, kLargestMm);
+    plate.across = ascending_pair(entry, "across", -1, 1);
+    plate.deep = ascending_pair(entry, "deep", 0, 1);
+    return;
+  }
+  box.box_mm = read_box(entry.table("box"));
+  const std::string joined = entry.choice("joined", {"-x", "+x", "-y", "+y", "-z", "+z"}, "+y");
+  box.axis = joined[1] - 'x';
+  box.side = joined[0] == '+' ? 1 : -1;
+  plate.T_finger_marker.translation() = vector3(entry, "marker_mm", kLargestMm);
+}
+
 void read_material(TomlTable table, FingerSpec& spec) {
   spec.youngs_modulus_mpa = table.number("youngs_modulus_mpa", 1e-3, 1e6);
   spec.poisson_ratio = table.number("poisson_ratio", 0, 0.499);  // at 0.5 the volume cannot change at all
@@ -81,14 +139,12 @@ PoseNoise read_noise(TomlTable table) {
   return noise;
 }
 
-void read_plates(TomlTable table, FingerSpec& spec) {
+void read_plates(TomlTable table, FingerSpec& spec, std::array<PlateBox, kPlates>& boxes, bool in_surface) {
   std::set<int> ids;
   for (int index = 0; index < kPlates; ++index) {
     TomlTable entry = table.table(kPlateNames[index]);
     PlateSpec& plate = spec.plates[index];
-    plate.beam_y_mm = entry.number("beam_y_mm", 0, kLargestMm);
-    plate.across = ascending_pair(entry, "across", -1, 1);
-    plate.deep = ascending_pair(entry, "deep", 0, 1);
+    read_place(entry, plate, boxes[index], in_surface);
     plate.marker_id = static_cast<int>(entry.integer("marker_id", 0, 49));  // DICT_4X4_50 has 50 markers
     if (!ids.insert(plate.marker_id).second) {
       throw InputError(entry.where("marker_id"), "marker_id", std::to_string(plate.marker_id) + " twice",
@@ -142,10 +198,34 @@ void read_camera(TomlTable table, FingerSpec& spec) {
   table.finish();
 }
 
+/// All touched points lie on the face, not beside it.
+void check_touch_on_face(const FingerSpec& spec, const std::string& where) {
+  constexpr int kSteps = 12;
+  constexpr double kBesideMm = 0.01;
+  for (int i = 0; i <= kSteps; ++i) {
+    const double y_mm = spec.touch_y_mm[0] + (spec.touch_y_mm[1] - spec.touch_y_mm[0]) * i / kSteps;
+    for (int j = 0; j <= kSteps; ++j) {
+      const Eigen::Vector2d at(spec.half_width.at(y_mm) * (2.0 * j / kSteps - 1), y_mm);
+      if ((front_point_mm(spec, at.x(), at.y()).head<2>() - at).norm() < kBesideMm) continue;
+      std::ostringstream found;
+      found << "a touch at x, y = " << at.x() << ", " << at.y() << " mm, beside the touched face";
+      throw InputError(where, "touch", found.str(), "y_mm and half_width_mm within the face that surface.front holds");
+    }
+  }
+}
+
 void read_touch(TomlTable table, FingerSpec& spec) {
-  spec.touch_y_mm = ascending_pair(table, "y_mm", 0, spec.height_mm);
-  const double narrowest_mm = std::min(spec.half_width.at(spec.touch_y_mm[0]), spec.half_width.at(spec.touch_y_mm[1]));
-  spec.touch_edge_mm = table.number("edge_mm", 0, narrowest_mm);
+  spec.touch_y_mm = ascending_pair(table, "y_mm", spec.surface ? -kLargestMm : 0, spec.height_mm);
+  const auto [lowest_mm, highest_mm] = spec.touch_y_mm;
+  if (spec.surface) {
+    const auto [low, high] = pair(table, "half_width_mm", 0.5, kLargestMm);
+    const double slope = (high - low) / (highest_mm - lowest_mm);
+    spec.half_width = {low - slope * lowest_mm, slope};
+    check_touch_on_face(spec, table.where("half_width_mm"));
+  } else {
+    const double narrowest_mm = std::min(spec.half_width.at(lowest_mm), spec.half_width.at(highest_mm));
+    spec.touch_edge_mm = table.number("edge_mm", 0, narrowest_mm);
+  }
   spec.force_n = ascending_pair(table, "force_n", 0, 1000);
   spec.threshold_mm = table.number("threshold_mm", 0, 100);
   spec.rated_deformation_mm = table.number("rated_deformation_mm", 0.01, 1000);
@@ -156,12 +236,38 @@ void read_touch(TomlTable table, FingerSpec& spec) {
 void place_markers(FingerSpec& spec) {
   for (int index = 0; index < kPlates; ++index) {
     PlateSpec& plate = spec.plates[index];
+    plate.T_finger_marker.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+    if (spec.surface) continue;  // its place was read
     const double y_mm = plate_bottom_mm(spec, index);
     const double front_mm = inner_front_mm(spec, y_mm);
     const double depth_mm = inner_back_mm(spec, y_mm) - front_mm;
-    plate.T_finger_marker.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
     plate.T_finger_marker.translation() << inner_half_width_mm(spec, y_mm) * (plate.across[0] + plate.across[1]) / 2,
         y_mm, front_mm + depth_mm * (plate.deep[0] + plate.deep[1]) / 2;
+  }
+}
+
+/// The marker with its white border lies on the lower side of its plate.
+void check_markers_on_plates(const FingerSpec& spec) {
+  constexpr double kOffPlateMm = 0.1;
+  const double half_mm = spec.marker_size_mm * (0.5 + 1.0 / 6);
+  for (int index = 0; index < kPlates; ++index) {
+    const TriangleSurface& surface = spec.surface->surface;
+    for (const auto& [u, v] : {std::pair{0, 0}, {-1, -1}, {1, -1}, {1, 1}, {-1, 1}}) {
+      const Eigen::Vector3d at = spec.plates[index].T_finger_marker * Eigen::Vector3d(u * half_mm, v * half_mm, 0);
+      const auto& skin = spec.surface->plate_skin[index];
+      const bool on_plate = std::any_of(skin.begin(), skin.end(), [&](std::size_t t) {
+        auto corner = surface.corners(t);
+        const bool level = surface.twice_area(t).normalized().y() < -0.99;
+        for (Eigen::Vector3d& x : corner) x = {x.x(), x.z(), x.y()};  // seen from below
+        const Eigen::Vector3d share = level ? nearest_in_triangle(corner, at.x(), at.z()) : Eigen::Vector3d::Zero();
+        const Eigen::Vector3d on = share[0] * corner[0] + share[1] * corner[1] + share[2] * corner[2];
+        return level && (on - Eigen::Vector3d(at.x(), at.z(), at.y())).norm() < kOffPlateMm;
+      });
+      if (on_plate) continue;
+      throw InputError(spec.file.string(), std::string("plates.") + kPlateNames[index] + ".marker_mm",
+                       "the plate's level lower side not at " + place_text(at),
+                       "room for the marker and its white border around it");
+    }
   }
 }
 
@@ -170,18 +276,31 @@ void place_markers(FingerSpec& spec) {
 FingerSpec read_finger_spec(const std::filesystem::path& file) {
   FingerSpec spec;
   spec.file = file;
-  spec.sha256 = sha256_hex(read_file(file));
+  std::string bytes = read_file(file);
   TomlTable table = TomlTable::parse_file(file);
   spec.name = table.text("name");
-  read_shape(table.table("shape"), spec);
+  const bool in_surface = table.has("surface");
+  SurfaceSource source;
+  if (in_surface) {
+    read_surface(table.table("surface"), source);
+    bytes += read_file(source.file);
+  } else {
+    read_shape(table.table("shape"), spec);
+  }
+  spec.sha256 = sha256_hex(bytes);
   read_material(table.table("material"), spec);
   read_markers(table.table("markers"), spec);
-  read_plates(table.table("plates"), spec);
+  read_plates(table.table("plates"), spec, source.plates, in_surface);
   read_camera(table.table("camera"), spec);
+  if (in_surface) {
+    spec.surface = std::make_shared<const SurfaceFinger>(read_surface_finger(source, file));
+    for (const Eigen::Vector3d& at : spec.surface->surface.point_mm) spec.height_mm = std::max(spec.height_mm, at.y());
+  }
   read_touch(table.table("touch"), spec);
   table.finish();
-  check_shape(spec);
+  if (!in_surface) check_shape(spec);
   place_markers(spec);
+  if (in_surface) check_markers_on_plates(spec);
   check_visibility(spec);
   return spec;
 }

@@ -4,11 +4,16 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <filesystem>
+#include <memory>
 #include <string>
 
 #include "firmware/types.h"
 
 namespace finsight::host {
+
+struct SurfaceFinger;  // surface_finger.h
+
+inline constexpr std::array<const char*, kPlates> kPlateNames = {"top", "middle", "low"};
 
 /// A quantity that changes linearly with height: value(y) = at_base + slope * y.
 struct Taper {
@@ -17,9 +22,9 @@ struct Taper {
   double at(double y_mm) const { return at_base_mm + slope * y_mm; }
 };
 
-/// How far a plate and its crossbeam move in use, at the middle of the finger (x = 0). The finger is only pushed inward,
-/// and everything else grows with that. What must hold "over the working range" is checked at rest and for all plates
-/// together at half and at all of it, in every combination of directions.
+/// How far a plate and its crossbeam move in use, at the middle of the finger (x = 0). The finger is only pushed
+/// inward, and everything else grows with that. What must hold "over the working range" is checked at rest and for all
+/// plates together at half and at all of it, in every combination of directions.
 struct WorkingRange {
   double inward_mm = 0;    ///< along finger +z, away from the touched face
   double sideways_mm = 0;  ///< along finger x, either way
@@ -27,8 +32,8 @@ struct WorkingRange {
   double turn_rad = 0;     ///< about finger y, either way
 };
 
-/// One rigid plate hanging under a crossbeam, with its marker on its lower side. A plate that reaches a side wall hangs
-/// on that side of its crossbeam; any other hangs on a bar of its own that runs from the front wall to the back.
+/// One rigid plate with its marker on its lower side. In a parametric finger it hangs under a crossbeam: a plate that
+/// reaches a side wall on that side of its crossbeam, any other on a bar of its own from the front wall to the back.
 struct PlateSpec {
   double beam_y_mm = 0;            ///< height of the middle of the crossbeam that carries it
   std::array<double, 2> across{};  ///< left and right end, as fractions of the inner half width (-1 ... 1)
@@ -57,9 +62,12 @@ struct PoseNoise {
 struct FingerSpec {
   std::filesystem::path file;
   std::string name;
-  std::string sha256;  ///< of the spec file's bytes
+  std::string sha256;  ///< of the spec file's bytes, and of the surface file's after them
 
-  // Shape, all lengths in mm. Planes and edges are straight lines over the height y.
+  // Shape, all lengths in mm: a surface from a file, or numbers. With a surface, only height and half_width of the
+  // numbers are set, and the latter is that of the touched part.
+  std::shared_ptr<const SurfaceFinger> surface;
+  // Planes and edges are straight lines over the height y.
   double height_mm = 0;
   Taper front_z, back_z, half_width;  ///< outer faces: z of the touched face, z of the back, x of the sides
   double front_wall_mm = 0, back_wall_mm = 0;
@@ -85,8 +93,8 @@ struct FingerSpec {
   double rated_deformation_mm = 0;     ///< RMS front-face displacement that counts as 1000 per mille
 };
 
-/// Throws InputError for unknown keys, wrong types, numbers that cannot be a finger, and a camera that does not see all
-/// markers (with the reason).
+/// Throws InputError for unknown keys, wrong types, numbers or a surface that cannot be a finger, and a camera that
+/// does not see all markers (with the reason).
 FingerSpec read_finger_spec(const std::filesystem::path& file);
 
 }  // namespace finsight::host

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "hostgen/common.h"
+#include "hostgen/finger/surface.h"
 #include "hostgen/run_program.h"
 
 namespace finsight::host {
@@ -40,6 +41,7 @@ class NumberReader {
 };
 
 constexpr int kLargestCount = 100'000'000;
+constexpr std::chrono::seconds kCheckLimit{60};
 
 TetgenOutput read_output(const std::filesystem::path& folder) {
   TetgenOutput out;
@@ -75,6 +77,25 @@ TetgenOutput run_tetgen(const std::string& poly, const std::string& switches, st
   run_program({program, "-" + switches, "finger.poly"}, folder.path(), limit, "tetgen");
   if (!std::filesystem::exists(folder.path() / "finger.1.ele")) throw std::runtime_error(program + " wrote no mesh");
   return read_output(folder.path());
+}
+
+std::vector<std::array<int, 3>> find_intersections(const TriangleSurface& surface) {
+  Surface input{surface.point_mm, {}, {}};
+  for (const auto& corner : surface.triangle) input.facets.push_back({{{corner.begin(), corner.end()}}, {}});
+  const TemporaryFolder folder;
+  write_file_atomically(folder.path() / "surface.poly", poly_text(input));
+  run_program({"tetgen", "-dQ", "surface.poly"}, folder.path(), kCheckLimit, "tetgen");
+  std::vector<std::array<int, 3>> triangles;
+  if (!std::filesystem::exists(folder.path() / "surface.1.face")) return triangles;  // written only when there are some
+  NumberReader faces(folder.path() / "surface.1.face");
+  triangles.resize(static_cast<std::size_t>(faces.index(kLargestCount)));
+  const int markers = faces.index(2);
+  for (auto& triangle : triangles) {
+    faces.number();  // its own index
+    for (int& point : triangle) point = faces.index(static_cast<int>(surface.point_mm.size()));
+    for (int skipped = 0; skipped < markers; ++skipped) faces.number();
+  }
+  return triangles;
 }
 
 }  // namespace finsight::host

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "hostgen/finger/triangle_surface.h"
+
 namespace finsight::host {
 
 /// What TetGen wrote. Tets have no particular orientation; some nodes may belong to no tet.
@@ -20,5 +22,9 @@ struct TetgenOutput {
 /// Ctrl-C.
 TetgenOutput run_tetgen(const std::string& poly, const std::string& switches, std::chrono::milliseconds limit,
                         const std::string& program = "tetgen");
+
+/// The triangles, as indices of points, that cut another one other than in common corners and edges. Throws as
+/// run_tetgen() does.
+std::vector<std::array<int, 3>> find_intersections(const TriangleSurface& surface);
 
 }  // namespace finsight::host

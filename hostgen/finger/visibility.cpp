@@ -1,6 +1,6 @@
 // Rays from the camera to every plate's marker, at rest and at the corners of the working range. The finger bends as
 // one piece: each plate moves rigidly with its crossbeam, the base stands still, the cap moves with the top plate, and
-// what lies between is blended over the height. The surface of all cells, so moved, is what a ray may hit.
+// what lies between is blended over the height. The finger's surface, so moved, is what a ray may hit.
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
@@ -11,6 +11,8 @@
 #include "firmware/input_error.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/finger/mesh.h"
+#include "hostgen/finger/plate_geometry.h"
+#include "hostgen/finger/surface_finger.h"
 
 namespace finsight::host {
 
@@ -68,8 +70,7 @@ struct Bending {
     knots.push_back({0, Isometry3d::Identity()});
     for (int plate = kPlates - 1; plate >= 0; --plate) {
       const Isometry3d motion = plate_motion(spec.plates[plate], pose);
-      knots.push_back({plate_bottom_mm(spec, plate), motion});
-      knots.push_back({spec.plates[plate].beam_y_mm + spec.beam_mm / 2, motion});
+      for (const double y_mm : carried_y_mm(spec, plate)) knots.push_back({y_mm, motion});
     }
   }
 
@@ -84,19 +85,22 @@ struct Bending {
   }
 };
 
-struct Triangle {
-  Vector3d corner, edge1, edge2;
-  std::array<int, 3> cell;  // whose surface it is
+/// A triangle of the finger at rest.
+struct SkinTriangle {
+  std::array<Vector3d, 3> corner;
+  int plate = -1;    // whose it is; -1: the body's
+  std::string part;  // in words
 };
 
 /// The surface of all filled cells, two triangles per face that borders on air.
-std::vector<Triangle> moved_surface(const FingerGrid& grid, const Bending& bending) {
-  std::vector<Triangle> triangles;
+std::vector<SkinTriangle> skin_of(const FingerGrid& grid) {
+  std::vector<SkinTriangle> skin;
   const int nx = grid.cells(0), ny = grid.cells(1);
   for (std::size_t index = 0; index < grid.labels.size(); ++index) {
     const int i = static_cast<int>(index);
     const std::array<int, 3> cell = {i % nx, i / nx % ny, i / (nx * ny)};
     if (grid.label(cell) == kAir) continue;
+    const int plate = std::max(grid.label(cell) - kFirstPlate, -1);
     for (int axis = 0; axis < 3; ++axis) {
       for (const int side : {0, 1}) {
         std::array<int, 3> neighbour = cell;
@@ -107,13 +111,42 @@ std::vector<Triangle> moved_surface(const FingerGrid& grid, const Bending& bendi
           spot[axis] += side;
           spot[(axis + 1) % 3] += u;
           spot[(axis + 2) % 3] += v;
-          return bending.moved(grid.point(spot));
+          return grid.point(spot);
         };
-        const Vector3d p00 = corner(0, 0), p10 = corner(1, 0), p01 = corner(0, 1), p11 = corner(1, 1);
-        triangles.push_back({p00, p10 - p00, p01 - p00, cell});
-        triangles.push_back({p11, p01 - p11, p10 - p11, cell});
+        skin.push_back({{corner(0, 0), corner(1, 0), corner(0, 1)}, plate, grid.part_name(cell)});
+        skin.push_back({{corner(1, 1), corner(0, 1), corner(1, 0)}, plate, grid.part_name(cell)});
       }
     }
+  }
+  return skin;
+}
+
+std::vector<SkinTriangle> skin_of(const SurfaceFinger& finger) {
+  std::vector<SkinTriangle> skin;
+  for (std::size_t t = 0; t < finger.surface.triangle.size(); ++t) {
+    skin.push_back({finger.surface.corners(t), -1, "the finger around " + place_text(finger.surface.middle(t))});
+  }
+  for (int plate = 0; plate < kPlates; ++plate) {
+    for (const std::size_t t : finger.plate_skin[plate]) {
+      skin[t].plate = plate;
+      skin[t].part = std::string("the ") + kPlateNames[plate] + " plate";
+    }
+  }
+  return skin;
+}
+
+/// Where it is in the bent finger.
+struct Triangle {
+  Vector3d corner, edge1, edge2;
+  const SkinTriangle* rest = nullptr;
+};
+
+std::vector<Triangle> moved(const std::vector<SkinTriangle>& skin, const Bending& bending) {
+  std::vector<Triangle> triangles;
+  for (const SkinTriangle& rest : skin) {
+    const Vector3d a = bending.moved(rest.corner[0]), b = bending.moved(rest.corner[1]),
+                   c = bending.moved(rest.corner[2]);
+    triangles.push_back({a, b - a, c - a, &rest});
   }
   return triangles;
 }
@@ -168,7 +201,7 @@ std::vector<Vector3d> marker_points(const FingerSpec& spec, int plate, const Iso
 }
 
 /// What keeps the camera from seeing the marker, in words; nothing if it sees it whole.
-std::optional<std::string> obstacle(const FingerSpec& spec, const FingerGrid& grid, int plate, const Isometry3d& motion,
+std::optional<std::string> obstacle(const FingerSpec& spec, int plate, const Isometry3d& motion,
                                     const std::vector<Triangle>& surface) {
   const Vector3d camera = spec.T_finger_camera.translation();
   const Isometry3d T_camera_finger = spec.T_finger_camera.inverse();
@@ -183,13 +216,13 @@ std::optional<std::string> obstacle(const FingerSpec& spec, const FingerGrid& gr
     double nearest = 1;
     const Triangle* first = nullptr;
     for (const Triangle& triangle : surface) {
-      if (grid.label(triangle.cell) == kFirstPlate + plate) continue;
+      if (triangle.rest->plate == plate) continue;
       const std::optional<double> share = hit(triangle, camera, ray);
       if (!share || *share <= 0 || *share >= nearest) continue;
       nearest = *share;
       first = &triangle;
     }
-    if (first) return "hidden by " + grid.part_name(first->cell);
+    if (first) return "hidden by " + first->rest->part;
   }
   return std::nullopt;
 }
@@ -208,12 +241,12 @@ std::string described(const WorkingRange& range, const Pose& pose) {
 }  // namespace
 
 void check_visibility(const FingerSpec& spec) {
-  const FingerGrid grid = make_grid(spec);
+  const std::vector<SkinTriangle> skin = spec.surface ? skin_of(*spec.surface) : skin_of(make_grid(spec));
   for (const Pose& pose : poses_to_check()) {
-    const std::vector<Triangle> surface = moved_surface(grid, Bending(spec, pose));
+    const std::vector<Triangle> surface = moved(skin, Bending(spec, pose));
     for (int plate = 0; plate < kPlates; ++plate) {
       const PlateSpec& p = spec.plates[plate];
-      if (const auto reason = obstacle(spec, grid, plate, plate_motion(p, pose), surface)) {
+      if (const auto reason = obstacle(spec, plate, plate_motion(p, pose), surface)) {
         throw InputError(spec.file.string(), std::string("plates.") + kPlateNames[plate],
                          "a marker " + *reason + " " + described(p.range, pose),
                          "one that the camera sees whole, with its white border");

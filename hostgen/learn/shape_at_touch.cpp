@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <stdexcept>
 
 #include "firmware/shape/shape_map.h"
@@ -69,34 +68,7 @@ class Distance {
   const ShapeModel& shape_;
 };
 
-void count_not_monotone(const FemDataset& dataset, const ShapeModel& shape, ShapeAtTouch& result) {
-  std::map<std::int32_t, std::map<float, double>> paths;  // by force
-  for (std::size_t i = 0; i < dataset.states.size(); ++i) {
-    const FemState& state = dataset.states[i];
-    if (state.valid) paths[state.path][state.force_n] = front_rms_mm(dataset, i, shape.front_nodes);
-  }
-  result.contact_points = paths.size();
-  for (const auto& [path, levels] : paths) {
-    double last_mm = 0;
-    bool rises = true;
-    for (const auto& [force_n, rms_mm] : levels) {
-      rises = rises && rms_mm > last_mm;
-      last_mm = rms_mm;
-    }
-    result.not_monotone += !rises;
-  }
-}
-
 }  // namespace
-
-double front_rms_mm(const FemDataset& dataset, std::size_t state, std::span<const std::int32_t> front_nodes) {
-  double sum = 0;
-  for (const std::int32_t node : front_nodes) {
-    const float* u = &dataset.node_displacement_mm[3 * (dataset.mesh_nodes * state + static_cast<std::size_t>(node))];
-    for (int d = 0; d < 3; ++d) sum += static_cast<double>(u[d]) * static_cast<double>(u[d]);
-  }
-  return std::sqrt(sum / std::max(1.0, static_cast<double>(front_nodes.size())));
-}
 
 ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const ShapeModel& shape, const MountModel& mount,
                                     const FemDataset& dataset, int rank, std::size_t most_states, std::uint64_t seed) {
@@ -137,7 +109,6 @@ ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const ShapeModel& sh
     errors->touch_point_mm /= std::max(1.0, noisy);
     errors->front_mm /= std::max(1.0, noisy);
   }
-  count_not_monotone(dataset, shape, result);
   return result;
 }
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 #include "firmware/model/model.h"
 #include "hostgen/fem/dataset.h"
@@ -16,9 +15,7 @@ struct ShapeErrors {
 };
 struct ShapeAtTouch {
   ShapeErrors energy_clean, energy_noisy, contact_aware_clean, contact_aware_noisy;
-  std::size_t states = 0;          ///< that were compared, each once clean and once noisy
-  std::size_t not_monotone = 0;    ///< contact points where more force displaces the front face less (RMS)
-  std::size_t contact_points = 0;  ///< all of them, held out or not
+  std::size_t states = 0;  ///< that were compared, each once clean and once noisy
 };
 
 /// A map of `rank` is fitted on four fifths of the contact points and judged on at most `most_states` states of the
@@ -26,8 +23,5 @@ struct ShapeAtTouch {
 /// Throws Interrupted, and std::runtime_error if a fifth of the contact points holds no valid state.
 ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const ShapeModel& shape, const MountModel& mount,
                                     const FemDataset& dataset, int rank, std::size_t most_states, std::uint64_t seed);
-
-/// RMS displacement of the front face's nodes in one state, in mm: the deformation.
-double front_rms_mm(const FemDataset& dataset, std::size_t state, std::span<const std::int32_t> front_nodes);
 
 }  // namespace finsight::host

@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "firmware/vision/vision_stages.h"
-#include "hostgen/finger/grid.h"
+#include "hostgen/finger/plate_geometry.h"
 
 namespace finsight::host {
 
@@ -83,17 +83,15 @@ Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const
                    std::uint64_t seed)
     : spec_(spec), camera_(camera), quality_(quality), noise_(seed), lens_(camera) {
   for (int plate = 0; plate < kPlates; ++plate) {
-    const PlateSpec& p = spec.plates[plate];
-    const double y_mm = p.T_finger_marker.translation().y();
-    const double depth_mm = inner_back_mm(spec, y_mm) - inner_front_mm(spec, y_mm);
+    const Eigen::Vector2f half_mm = plate_half_size_mm(spec, plate).cast<float>();
     Face& face = faces_[plate];
-    face.half_width_mm = static_cast<float>(inner_half_width_mm(spec, y_mm) * (p.across[1] - p.across[0]) / 2);
-    face.half_height_mm = static_cast<float>(depth_mm * (p.deep[1] - p.deep[0]) / 2);
+    face.half_width_mm = half_mm.x();
+    face.half_height_mm = half_mm.y();
     face.module_mm = static_cast<float>(spec.marker_size_mm / 6);
     face.tone.fill(static_cast<float>(quality.white));
     face.tone[kOutside] = 0;
     face.tone[kPlateArea] = static_cast<float>(quality.plate);
-    const std::array<std::uint8_t, 36> modules = marker_modules(p.marker_id);
+    const std::array<std::uint8_t, 36> modules = marker_modules(spec.plates[plate].marker_id);
     for (int i = 0; i < 36; ++i) {
       if (!modules[i])
         face.tone[kFirstModule + (i / 6 + 1) * kPaperModules + i % 6 + 1] = static_cast<float>(quality.black);

@@ -7,6 +7,7 @@
 
 #include "hostgen/common.h"
 #include "hostgen/fem/statics.h"
+#include "hostgen/finger/plate_geometry.h"
 #include "hostgen/random.h"
 
 namespace finsight::host {
@@ -134,11 +135,11 @@ Vec3f TouchPlan::point_mm(double time_s) const {
     const double middle_mm = (lowest_mm + highest_mm) / 2;
     const double radius_mm = kPathRadius * (spec_.half_width.at(middle_mm) - spec_.touch_edge_mm);
     const Eigen::Vector2d at_mm = radius_mm * on_path(time_s) + Eigen::Vector2d(0, middle_mm);
-    return Eigen::Vector3d(at_mm.x(), at_mm.y(), spec_.front_z.at(at_mm.y())).cast<float>();
+    return front_point_mm(spec_, at_mm.x(), at_mm.y()).cast<float>();
   }
   const double y_mm = lowest_mm + (highest_mm - lowest_mm) * 0.5 * (1 + wander(along_, time_s));
   const double x_mm = (spec_.half_width.at(y_mm) - spec_.touch_edge_mm) * wander(across_, time_s);
-  return Eigen::Vector3d(x_mm, y_mm, spec_.front_z.at(y_mm)).cast<float>();
+  return front_point_mm(spec_, x_mm, y_mm).cast<float>();
 }
 
 double TouchPlan::force_n(double time_s) const {

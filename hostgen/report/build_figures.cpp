@@ -34,6 +34,12 @@ json bands_json(const std::vector<ForceBand>& bands) {
   return all;
 }
 
+json deformation_json(const DeformationRise& rise, double rated_mm) {
+  return {{"contact_points", rise.contact_points},
+          {"not_monotone", rise.not_monotone},
+          {"worst_drop_permille", 1000 * rise.worst_drop_mm / rated_mm}};
+}
+
 }  // namespace
 
 std::filesystem::path build_figures_path(const std::filesystem::path& pack) {
@@ -49,6 +55,7 @@ void write_build_figures(const std::filesystem::path& pack, const BuildFigures& 
         {"valid", figures.fem_states - figures.fem_too_far - figures.fem_failed},
         {"pushed_too_far", figures.fem_too_far},
         {"failed", figures.fem_failed},
+        {"deformation", deformation_json(figures.deformation, figures.rated_deformation_mm)},
         {"seconds", figures.fem_seconds > 0 ? json(figures.fem_seconds) : json()},
         {"cpu_seconds", figures.fem_seconds > 0 ? json(figures.fem_cpu_seconds) : json()},
         {"why", figures.fem_seconds > 0 ? "area fem compares with CalculiX" : "the states were read from a file"}}},

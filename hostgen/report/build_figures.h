@@ -6,6 +6,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "hostgen/fem/deformation.h"
 #include "hostgen/learn/touch_training.h"
 
 namespace finsight::host {
@@ -14,6 +15,8 @@ struct BuildFigures {
   std::string profile;
   std::size_t fem_states = 0, fem_too_far = 0, fem_failed = 0;
   double fem_seconds = 0, fem_cpu_seconds = 0;  ///< 0: the states were read from a file
+  DeformationRise deformation = {};
+  double rated_deformation_mm = 0;
   double training_seconds = 0;
   const TouchTraining* touch = nullptr;
 };

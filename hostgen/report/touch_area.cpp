@@ -42,9 +42,7 @@ json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& da
             {"energy_noisy", shape.energy_noisy.front_mm},
             {"contact_aware_clean", shape.contact_aware_clean.front_mm},
             {"contact_aware_noisy", shape.contact_aware_noisy.front_mm}}},
-          {"states", shape.states},
-          {"contact_points", shape.contact_points},
-          {"deformation_not_monotone", shape.not_monotone}};
+          {"states", shape.states}};
 }
 
 // Mean error with what 95 % stay below, and how many errors the published radius holds.

@@ -26,6 +26,25 @@ TEST_CASE("calculix: both solvers agree on three loads, with linear and with qua
   }
 }
 
+TEST_CASE("calculix: both solvers agree on the paper's finger, with linear and with quadratic elements") {
+  if (!calculix_present()) {
+    MESSAGE("skipped: ccx is not installed (Debian: apt-get install calculix-ccx)");
+    return;
+  }
+  const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
+  const TetMesh mesh = make_mesh(spec, MeshSize::kCoarse);
+  for (const Element element : {Element::kC3D4, Element::kC3D10}) {
+    for (const LoadCase& load :
+         {LoadCase{Vec3f(0, 70, 0), 1.5}, LoadCase{Vec3f(19, 80, 0), 1.5}, LoadCase{Vec3f(-10, 40, 0), 6}}) {
+      CAPTURE(static_cast<int>(element));
+      CAPTURE(load.force_n);
+      const CalculixComparison result = compare_with_calculix(spec, mesh, element, load);
+      CHECK(result.largest_mm > 0.5);
+      CHECK(result.difference_mm < 1e-5);
+    }
+  }
+}
+
 TEST_CASE("calculix: the deck holds the whole load, along the inward normal") {
   const QuadraticMesh mesh = make_quadratic(test::small_finger_mesh());
   const std::string deck = calculix_deck(test::small_finger_spec(), mesh, {Vec3f(1, 33, 0), 2});

@@ -1,0 +1,54 @@
+#include "hostgen/fem/deformation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <sstream>
+
+namespace finsight::host {
+
+double front_rms_mm(const FemDataset& dataset, std::size_t state, std::span<const std::int32_t> front_nodes) {
+  double sum = 0;
+  for (const std::int32_t node : front_nodes) {
+    const float* u = &dataset.node_displacement_mm[3 * (dataset.mesh_nodes * state + static_cast<std::size_t>(node))];
+    for (int d = 0; d < 3; ++d) sum += static_cast<double>(u[d]) * static_cast<double>(u[d]);
+  }
+  return std::sqrt(sum / std::max(1.0, static_cast<double>(front_nodes.size())));
+}
+
+DeformationRise measure_deformation_rise(const FemDataset& dataset, std::span<const std::int32_t> front_nodes) {
+  std::map<std::int32_t, std::map<float, std::size_t>> paths;  // valid states by force
+  for (std::size_t i = 0; i < dataset.states.size(); ++i) {
+    const FemState& state = dataset.states[i];
+    if (state.valid) paths[state.path][state.force_n] = i;
+  }
+  DeformationRise rise{.contact_points = paths.size()};
+  for (const auto& [path, states] : paths) {
+    double highest_mm = 0;  // without force
+    bool rises = true;
+    for (const auto& [force_n, state] : states) {
+      const double level_mm = front_rms_mm(dataset, state, front_nodes);
+      rises = rises && level_mm > highest_mm;
+      if (highest_mm - level_mm > rise.worst_drop_mm) {
+        rise.worst_drop_mm = highest_mm - level_mm;
+        rise.worst_point_mm = dataset.states[state].point_mm;
+      }
+      highest_mm = std::max(highest_mm, level_mm);
+    }
+    rise.not_monotone += !rises;
+  }
+  return rise;
+}
+
+std::string deformation_text(const DeformationRise& rise, double rated_mm) {
+  std::ostringstream text;
+  text << "deformation level: rises with force at " << rise.contact_points - rise.not_monotone << " of "
+       << rise.contact_points << " points";
+  if (rise.worst_drop_mm > 0) {
+    text << "; worst drop " << 1000 * rise.worst_drop_mm / rated_mm << " per mille, of a touch at ("
+         << rise.worst_point_mm.x() << ", " << rise.worst_point_mm.y() << ") mm";
+  }
+  return text.str();
+}
+
+}  // namespace finsight::host

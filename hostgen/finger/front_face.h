@@ -1,0 +1,23 @@
+// The touched face as triangles: which of a surface's they are, and the point of it above (x, y).
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace finsight::host {
+
+/// A triangle looks to the front if its outward normal is within 60 degrees of -z.
+bool looks_to_front(const Eigen::Vector3d& outward);
+
+/// Of the triangles that lie in the box and look to the front, those that hang together over edges with the largest
+/// area seen along z: their indices, ascending. Empty if there are none.
+std::vector<std::size_t> front_patch(std::span<const Eigen::Vector3d> points,
+                                     std::span<const std::array<int, 3>> triangles, const Eigen::AlignedBox3d& box);
+
+/// Nearest point of the triangle to (x, y), seen along z, as barycentric coordinates; (x, y) itself if it is inside.
+Eigen::Vector3d nearest_in_triangle(const std::array<Eigen::Vector3d, 3>& corner, double x, double y);
+
+}  // namespace finsight::host

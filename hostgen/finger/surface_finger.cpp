@@ -1,0 +1,105 @@
+#include "hostgen/finger/surface_finger.h"
+
+#include <algorithm>
+#include <map>
+#include <sstream>
+
+#include "firmware/input_error.h"
+#include "hostgen/finger/front_face.h"
+
+namespace finsight::host {
+
+namespace {
+
+using Eigen::AlignedBox3d;
+
+const std::map<std::string, double> kUnits_mm = {{"mm", 1}, {"cm", 10}, {"m", 1000}, {"inch", 25.4}};
+constexpr double kSmallestMm = 20, kLargestMm = 1000;  // of a finger's largest side
+constexpr double kUsualMm = 500;                       // what a guess of the units aims at
+// Each becomes several tetrahedra, and the board solves for all of them in every frame.
+constexpr std::size_t kMostTriangles = 20'000;
+
+/// A finger of 0.12 mm was drawn in metres.
+void check_size(const TriangleSurface& surface, const SurfaceSource& source) {
+  if (surface.triangle.size() > kMostTriangles) {
+    throw InputError(source.file.string(), "surface", std::to_string(surface.triangle.size()) + " triangles",
+                     "at most " + std::to_string(kMostTriangles) + ", better some hundreds (simplify the surface)");
+  }
+  AlignedBox3d bounds;
+  for (const Eigen::Vector3d& at : surface.point_mm) bounds.extend(at);
+  const Eigen::Vector3d size = bounds.sizes();
+  if (size.maxCoeff() >= kSmallestMm && size.maxCoeff() <= kLargestMm) return;
+  std::ostringstream found, guess;
+  found << "a bounding box of " << size.x() << " x " << size.y() << " x " << size.z() << " mm in units of \""
+        << source.units << "\"";
+  for (const auto& [name, unit_mm] : kUnits_mm) {
+    const double largest_mm = size.maxCoeff() / kUnits_mm.at(source.units) * unit_mm;
+    if (largest_mm < kSmallestMm || largest_mm > kUsualMm) continue;
+    guess << (guess.str().empty() ? "; are these " : " or ") << "\"" << name << "\" (" << largest_mm << " mm)";
+  }
+  throw InputError(
+      source.file.string(), "size", found.str(),
+      "a finger of 20 to 1000 mm" + guess.str() + (guess.str().empty() ? "" : "? Say so as surface.units"));
+}
+
+void check_boxes_apart(const SurfaceSource& source, const std::string& spec) {
+  for (int a = 0; a < kPlates; ++a) {
+    const std::string field = std::string("plates.") + kPlateNames[a] + ".box";
+    if (source.plates[a].box_mm.intersects(source.base_mm))
+      throw InputError(spec, field, "the base in it", "a plate alone");
+    for (int b = 0; b < a; ++b) {
+      if (!source.plates[a].box_mm.intersects(source.plates[b].box_mm)) continue;
+      throw InputError(spec, field, std::string("a part of the ") + kPlateNames[b] + " plate's box", "boxes apart");
+    }
+  }
+}
+
+}  // namespace
+
+AlignedBox3d SurfaceFinger::plate_bounds_mm(int plate) const {
+  AlignedBox3d bounds;
+  for (const std::size_t t : plate_skin[plate]) {
+    for (const Eigen::Vector3d& corner : surface.corners(t)) bounds.extend(corner);
+  }
+  return bounds;
+}
+
+Surface SurfaceFinger::tetgen_input() const {
+  Surface input;
+  input.points_mm = surface.point_mm;
+  for (const auto& corner : surface.triangle) input.facets.push_back({{{corner.begin(), corner.end()}}, {}});
+  input.facets.insert(input.facets.end(), joints.begin(), joints.end());
+  return input;
+}
+
+SurfaceFinger read_surface_finger(const SurfaceSource& source, const std::filesystem::path& spec_file) {
+  const std::string spec = spec_file.string();
+  SurfaceFinger finger;
+  finger.source = source;
+  TriangleSurface& surface = finger.surface;
+  surface = read_triangles(source.file, kUnits_mm.at(source.units));
+  check_size(surface, source);
+  check_bounds_a_solid(surface, source.file.string());
+  for (Eigen::Vector3d& at : surface.point_mm) at = source.R_finger_file * (at - source.origin_mm);
+  check_boxes_apart(source, spec);
+  for (const PlateBox& plate : source.plates) snap_to_box(surface, plate.box_mm);
+  const auto field = [](int plate) { return std::string("plates.") + kPlateNames[plate] + ".box"; };
+  for (int p = 0; p < kPlates; ++p) finger.joints[p] = cut_at_joined_face(surface, source.plates[p], spec, field(p));
+  for (int p = 0; p < kPlates; ++p) finger.plate_skin[p] = plate_triangles(surface, source.plates[p], spec, field(p));
+
+  const auto in_base = std::count_if(surface.point_mm.begin(), surface.point_mm.end(),
+                                     [&](const Eigen::Vector3d& at) { return source.base_mm.contains(at); });
+  if (in_base < 3) {
+    throw InputError(spec, "surface.base", std::to_string(in_base) + " points of the surface in it",
+                     "what of the finger is fixed");
+  }
+  for (const std::size_t t : front_patch(surface.point_mm, surface.triangle, source.front_mm)) {
+    finger.front.push_back(surface.triangle[t]);
+  }
+  if (finger.front.empty()) {
+    throw InputError(spec, "surface.front", "no triangle in it that looks to -z", "the face that is touched");
+  }
+  return finger;
+}
+
+}  // namespace finsight::host

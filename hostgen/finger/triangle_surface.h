@@ -1,0 +1,47 @@
+// Closed surfaces made of triangles, as CAD programs export them: read, and checked that they bound a solid.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace finsight::host {
+
+/// Corners are indices of points, counter-clockwise seen from outside.
+struct TriangleSurface {
+  std::vector<Eigen::Vector3d> point_mm;
+  std::vector<std::array<int, 3>> triangle;
+
+  std::array<Eigen::Vector3d, 3> corners(std::size_t t) const {
+    return {point_mm[triangle[t][0]], point_mm[triangle[t][1]], point_mm[triangle[t][2]]};
+  }
+  Eigen::Vector3d middle(std::size_t t) const {
+    const auto [a, b, c] = corners(t);
+    return (a + b + c) / 3;
+  }
+  /// Twice the area, along the outward normal.
+  Eigen::Vector3d twice_area(std::size_t t) const {
+    const auto [a, b, c] = corners(t);
+    return (b - a).cross(c - a);
+  }
+};
+
+/// "(1, 2.5, 3) mm", for messages.
+std::string place_text(const Eigen::Vector3d& at_mm);
+
+/// Reads .stl (binary or ASCII), .ply or .obj (by the name's end) whose numbers are in units of `unit_mm`. Points of
+/// equal coordinates become one; a face of more than three corners becomes a fan. Throws InputError.
+TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm);
+
+/// Throws InputError, naming the file, how many and where, unless the surface bounds one solid in one piece, with or
+/// without closed hollows: triangles with an area and none twice, two at every edge, facing outward, none through
+/// another.
+void check_bounds_a_solid(const TriangleSurface& surface, const std::string& file);
+
+/// How often the surface winds around a point that does not lie on it: 1 inside the solid, 0 outside and in its
+/// hollows. Source: Van Oosterom and Strackee, "The solid angle of a plane triangle", 1983.
+double winding_number(const TriangleSurface& surface, const Eigen::Vector3d& at_mm);
+
+}  // namespace finsight::host
