@@ -18,5 +18,7 @@ void add_report_command(CLI::App& app);
 void add_import_recordings_command(CLI::App& app);
 void add_audit_command(CLI::App& app);
 void add_train_command(CLI::App& app);
+void add_force_command(CLI::App& app);
+void add_identify_command(CLI::App& app);
 
 }  // namespace finsight::host

@@ -23,6 +23,8 @@ int main(int argc, char** argv) {
   host::add_import_recordings_command(app);
   host::add_audit_command(app);
   host::add_train_command(app);
+  host::add_force_command(app);
+  host::add_identify_command(app);
   host::catch_interrupts();
   try {
     app.parse(argc, argv);  // runs the subcommand's callback

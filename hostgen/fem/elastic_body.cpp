@@ -279,4 +279,47 @@ void ElasticBody::tangent(std::span<const double> u, std::span<const double> str
   }
 }
 
+// The derivative of d2W by D: dP = D S + (v t - 2/3 c F : D) F^-T - 2/3 c t F - 2 b sym(A) F^-T.
+void ElasticBody::times_tangent(std::span<const double> u, std::span<const double> stress, std::span<const double> w,
+                                std::span<double> product) const {
+  std::fill(product.begin(), product.end(), 0.0);
+  for (std::size_t index = 0; index < batches_.size(); ++index) {
+    const Batch& batch = batches_[index];
+    Pack values[kTetNodes][3], changes[kTetNodes][3], out[kTetNodes][3] = {};
+    batch.gather(u, values);
+    batch.gather(w, changes);
+    for (std::size_t gauss = 0; gauss < kGaussPoints; ++gauss) {
+      NeoHookeanState<Pack> state;
+      batch.deform(values, gauss, state);
+      Pack S[kStresses], D[3][3], A[3][3], t = {}, F_D = {};
+      std::memcpy(&S, &stress[stress_place(index, gauss)], sizeof(S));
+      batch.displacement_gradient(changes, gauss, D);
+      for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t j = 0; j < 3; ++j) {
+          A[i][j] = D[i][0] * state.inverse[0][j] + D[i][1] * state.inverse[1][j] + D[i][2] * state.inverse[2][j];
+          F_D += state.F[i][j] * D[i][j];
+        }
+        t += A[i][i];
+      }
+      const Pack along = state.v() * t - (2.0 / 3) * state.c * F_D, with_F = (2.0 / 3) * state.c * t;
+      for (std::size_t a = 0; a < kTetNodes; ++a) {
+        const Pack* const g = batch.gradient[gauss][a];
+        Pack Sg[3], h[3];
+        for (std::size_t i = 0; i < 3; ++i) {
+          Sg[i] = S[kSymmetric[i][0]] * g[0] + S[kSymmetric[i][1]] * g[1] + S[kSymmetric[i][2]] * g[2];
+          h[i] = state.inverse[0][i] * g[0] + state.inverse[1][i] * g[1] + state.inverse[2][i] * g[2];
+        }
+        for (std::size_t i = 0; i < 3; ++i) {
+          Pack sum = along * h[i];
+          for (std::size_t j = 0; j < 3; ++j) {
+            sum += D[i][j] * Sg[j] - with_F * state.F[i][j] * g[j] - state.b * (A[i][j] + A[j][i]) * h[j];
+          }
+          out[a][i] += batch.weight * sum;
+        }
+      }
+    }
+    batch.scatter(out, product);
+  }
+}
+
 }  // namespace finsight::host

@@ -42,9 +42,18 @@ std::vector<Vec3f> touch_points(const FingerSpec& spec, int count);
 /// plate and what hides it. read_finger_spec() has done it.
 void check_visibility(const FingerSpec& spec);
 
+/// A force drawn as a line that ends at a point of the undeformed face, and moves with it.
+struct ForceArrow {
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero(), displacement_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d force_n = Eigen::Vector3d::Zero();
+};
+/// Length of an arrow's line.
+inline constexpr double kArrowMmPerNewton = 5;
+
 /// Writes a .vtu (ASCII XML) that ParaView opens: cell array "region", point arrays "front" and "base" (0 or 1),
-/// "plate" (0 none, else the plate's region), and "displacement_mm" if given ([3 * nodes]).
+/// "plate" (0 none, else the plate's region), and "displacement_mm" if given ([3 * nodes]). Arrows are line cells of
+/// region -1 behind the tets; then there is a point array "force_n", zero but at their heads.
 void write_vtu(const std::filesystem::path& file, const TetMesh& mesh,
-               const std::vector<double>* displacement_mm = nullptr);
+               const std::vector<double>* displacement_mm = nullptr, const std::vector<ForceArrow>& arrows = {});
 
 }  // namespace finsight::host

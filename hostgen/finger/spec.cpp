@@ -232,7 +232,8 @@ void read_touch(TomlTable table, FingerSpec& spec) {
   table.finish();
 }
 
-/// Plates lie level at rest: marker x = finger x, y = finger z, z = finger -y (down, towards the camera).
+}  // namespace
+
 void place_markers(FingerSpec& spec) {
   for (int index = 0; index < kPlates; ++index) {
     PlateSpec& plate = spec.plates[index];
@@ -245,6 +246,8 @@ void place_markers(FingerSpec& spec) {
         y_mm, front_mm + depth_mm * (plate.deep[0] + plate.deep[1]) / 2;
   }
 }
+
+namespace {
 
 /// The marker with its white border lies on the lower side of its plate.
 void check_markers_on_plates(const FingerSpec& spec) {

@@ -42,39 +42,59 @@ std::vector<int> flags(std::size_t size, const std::vector<int>& nodes, int valu
 
 }  // namespace
 
-void write_vtu(const std::filesystem::path& file, const TetMesh& mesh, const std::vector<double>* displacement_mm) {
+void write_vtu(const std::filesystem::path& file, const TetMesh& mesh, const std::vector<double>* displacement_mm,
+               const std::vector<ForceArrow>& arrows) {
   const std::size_t nodes = mesh.node_mm.size(), tets = mesh.tets.size();
   if (displacement_mm && displacement_mm->size() != 3 * nodes) {
     throw std::invalid_argument("write_vtu: displacement_mm must hold 3 numbers per node");
   }
-  const std::vector<int> front = flags(nodes, mesh.front_nodes, 1), base = flags(nodes, mesh.base_nodes, 1);
-  std::vector<int> plate(nodes);
-  for (int i = 0; i < kPlates; ++i) plate = flags(nodes, mesh.plate_nodes[i], kFirstPlateRegion + i, std::move(plate));
-  const auto entries = [](const std::vector<int>& values) { return [&values](std::size_t i) { return values[i]; }; };
+  // Behind the mesh's nodes tail and head of every arrow, behind its tets their lines.
+  const std::size_t points = nodes + 2 * arrows.size(), cells = tets + arrows.size();
+  std::vector<double> position, displacement, force(3 * nodes);
+  for (const auto& node : mesh.node_mm) position.insert(position.end(), node.begin(), node.end());
+  if (displacement_mm) displacement = *displacement_mm;
+  for (const ForceArrow& arrow : arrows) {
+    const Eigen::Vector3d tail = arrow.point_mm - kArrowMmPerNewton * arrow.force_n;
+    for (const Eigen::Vector3d& end : {tail, arrow.point_mm}) {
+      position.insert(position.end(), end.begin(), end.end());
+      displacement.insert(displacement.end(), arrow.displacement_mm.begin(), arrow.displacement_mm.end());
+    }
+    force.insert(force.end(), 3, 0.0);
+    force.insert(force.end(), arrow.force_n.begin(), arrow.force_n.end());
+  }
+  std::vector<int> region = mesh.region, connectivity;
+  region.resize(cells, -1);
+  for (const auto& tet : mesh.tets) connectivity.insert(connectivity.end(), tet.begin(), tet.end());
+  for (std::size_t point = nodes; point < points; ++point) connectivity.push_back(static_cast<int>(point));
+
+  const std::vector<int> front = flags(points, mesh.front_nodes, 1), base = flags(points, mesh.base_nodes, 1);
+  std::vector<int> plate(points);
+  for (int i = 0; i < kPlates; ++i) plate = flags(points, mesh.plate_nodes[i], kFirstPlateRegion + i, std::move(plate));
+  const auto entries = [](const auto& values) { return [&values](std::size_t i) { return values[i]; }; };
 
   VtuText out;
   out.line("<?xml version=\"1.0\"?>");
   out.line("<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">");
   out.line("<UnstructuredGrid>");
-  out.line("<Piece NumberOfPoints=\"" + std::to_string(nodes) + "\" NumberOfCells=\"" + std::to_string(tets) + "\">");
+  out.line("<Piece NumberOfPoints=\"" + std::to_string(points) + "\" NumberOfCells=\"" + std::to_string(cells) + "\">");
   out.line("<PointData>");
-  out.array("Int32", "front", 1, nodes, 32, entries(front));
-  out.array("Int32", "base", 1, nodes, 32, entries(base));
-  out.array("Int32", "plate", 1, nodes, 32, entries(plate));
-  if (displacement_mm) {
-    out.array("Float64", "displacement_mm", 3, 3 * nodes, 3, [&](std::size_t i) { return (*displacement_mm)[i]; });
-  }
+  out.array("Int32", "front", 1, points, 32, entries(front));
+  out.array("Int32", "base", 1, points, 32, entries(base));
+  out.array("Int32", "plate", 1, points, 32, entries(plate));
+  if (displacement_mm) out.array("Float64", "displacement_mm", 3, 3 * points, 3, entries(displacement));
+  if (!arrows.empty()) out.array("Float64", "force_n", 3, 3 * points, 3, entries(force));
   out.line("</PointData>");
   out.line("<CellData>");
-  out.array("Int32", "region", 1, tets, 32, entries(mesh.region));
+  out.array("Int32", "region", 1, cells, 32, entries(region));
   out.line("</CellData>");
   out.line("<Points>");
-  out.array("Float64", "position_mm", 3, 3 * nodes, 3, [&](std::size_t i) { return mesh.node_mm[i / 3][i % 3]; });
+  out.array("Float64", "position_mm", 3, 3 * points, 3, entries(position));
   out.line("</Points>");
   out.line("<Cells>");
-  out.array("Int32", "connectivity", 1, 4 * tets, 4, [&](std::size_t i) { return mesh.tets[i / 4][i % 4]; });
-  out.array("Int32", "offsets", 1, tets, 16, [](std::size_t i) { return 4 * (i + 1); });
-  out.array("UInt8", "types", 1, tets, 32, [](std::size_t) { return 10; });  // VTK_TETRA
+  out.array("Int32", "connectivity", 1, connectivity.size(), 4, entries(connectivity));
+  out.array("Int32", "offsets", 1, cells, 16,
+            [&](std::size_t i) { return i < tets ? 4 * (i + 1) : 4 * tets + 2 * (i + 1 - tets); });
+  out.array("UInt8", "types", 1, cells, 32, [&](std::size_t i) { return i < tets ? 10 : 3; });  // VTK_TETRA, VTK_LINE
   out.line("</Cells>");
   out.line("</Piece>");
   out.line("</UnstructuredGrid>");

@@ -40,4 +40,9 @@ nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, co
 nlohmann::json measure_real(const Model& model, const std::filesystem::path& recordings,
                             const std::filesystem::path& folder, bool quick);
 
+/// Contact forces of four touches (a point, two, a pressure, the edge) from noisy plate motions: Gauss-Newton beside the
+/// paper's L-BFGS; plots contact_forces.svg into `folder`. `quick`: 2 draws of the noise instead of 20, 5 iterations of
+/// L-BFGS instead of 200.
+nlohmann::json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, bool quick);
+
 }  // namespace finsight::host

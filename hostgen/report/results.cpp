@@ -38,7 +38,7 @@ constexpr const char* kSkeleton = R"({
             "contact_aware_noisy": null, "why": "area touch was not measured"}},
   "real": {"random": {"r2": null}, "by_contact_point": {"r2": null}, "pen_distance_mm": null,
            "why": "area real was not measured"},
-  "force": {"gauss_newton_s": null, "lbfgs_s": null, "front_mean_mm": null, "why": "contact forces are not built yet"},
+  "force": {"gauss_newton_s": null, "lbfgs_s": null, "front_mean_mm": null, "why": "area force was not measured"},
   "vision": {
     "lab": {"touch_mm_above_4": null, "touch_mm_above_7": null, "false_valid": null, "flips_per_1000": null},
     "factory": {"touch_mm_above_4": null, "touch_mm_above_7": null, "false_valid": null, "flips_per_1000": null},
@@ -111,7 +111,7 @@ std::string today() {
 }  // namespace
 
 const std::vector<std::string>& report_areas() {
-  static const std::vector<std::string> areas = {"solver", "fem", "touch", "real", "vision", "modbus"};
+  static const std::vector<std::string> areas = {"solver", "fem", "touch", "real", "force", "vision", "modbus"};
   return areas;
 }
 

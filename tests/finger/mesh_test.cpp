@@ -376,3 +376,25 @@ TEST_CASE("vtu: without displacement there is no such array, and a wrong length 
   const std::vector<double> too_short(3);
   CHECK_THROWS_AS(write_vtu(folder.path / "bad.vtu", srm_mesh(), &too_short), std::invalid_argument);
 }
+
+TEST_CASE("vtu: an arrow is a line that ends where its force acts and moves with the face") {
+  const TemporaryFolder folder;
+  const TetMesh& mesh = srm_mesh();
+  const std::vector<double> displacement(3 * mesh.node_mm.size());
+  const ForceArrow arrow{{1, 60, -15}, {0, 0, 7}, {0, -0.5, 2}};
+  write_vtu(folder.path / "force.vtu", mesh, &displacement, {arrow});
+  std::map<std::string, std::string> headers;
+  auto arrays = read_vtu(read_file(folder.path / "force.vtu"), headers);
+  const auto last_two = [&](const std::string& array) {
+    const auto& values = arrays[array];
+    return std::vector<double>(values.end() - 6, values.end());
+  };
+  CHECK(last_two("Points/position_mm") == std::vector<double>{1, 62.5, -25, 1, 60, -15});
+  CHECK(last_two("PointData/displacement_mm") == std::vector<double>{0, 0, 7, 0, 0, 7});
+  CHECK(last_two("PointData/force_n") == std::vector<double>{0, 0, 0, 0, -0.5, 2});
+  CHECK(arrays["Cells/types"].back() == 3);
+  CHECK(arrays["CellData/region"].back() == -1);
+  CHECK(arrays["Cells/offsets"].back() == static_cast<double>(4 * mesh.tets.size() + 2));
+  CHECK(arrays["Cells/connectivity"].back() == static_cast<double>(mesh.node_mm.size() + 1));
+  CHECK(arrays["PointData/front"].size() == mesh.node_mm.size() + 2);
+}

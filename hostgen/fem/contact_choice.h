@@ -1,0 +1,45 @@
+// Which contacts explain what was measured: the sparse, non-negative part of estimating contact forces, for measured
+// numbers that are linear in the forces.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+
+namespace finsight::host {
+
+/// min |A x - b| over x >= 0 (Lawson and Hanson 1974).
+Eigen::VectorXd nonnegative_least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+
+/// How the measured numbers, in their standard deviations, change per newton of a push on the face.
+struct PushResponse {
+  Eigen::Matrix2Xd grid_mm;                                                ///< x, y of places all over the face
+  Eigen::MatrixXd at_grid;                                                 ///< [numbers, places]
+  std::function<Eigen::VectorXd(const Eigen::Vector2d& place_mm)> at;      ///< anywhere
+  std::function<Eigen::Vector2d(const Eigen::Vector2d& place_mm)> inside;  ///< the nearest place that can be touched
+};
+
+/// Pushes on the face.
+struct ContactChoice {
+  Eigen::Matrix2Xd place_mm;
+  Eigen::VectorXd force_n;  ///< of each: positive
+  double misfit = 0;  ///< squared distance from the goal: about the number of measured numbers if noise alone is left
+};
+
+/// The fewest pushes that explain `goal` (in standard deviations of the measurement): one is added as long as that
+/// lowers the misfit by more than three numbers that fit noise would (99 %), `caution` times. Starts from `start`,
+/// whose forces do not matter.
+ContactChoice fewest_contacts(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& start,
+                              double caution = 1);
+/// As many pushes as `start` has or fewer, moved and weighed until they explain `goal` best.
+ContactChoice refined_contacts(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& start);
+
+/// What else a push of a choice could be: 95 % of the probability.
+struct ContactDoubt {
+  double reach_mm = 0;   ///< it could as well be this far away
+  double spread_mm = 0;  ///< or even pressure on the face within this radius
+  double lowest_force_n = 0, highest_force_n = 0;
+};
+ContactDoubt contact_doubt(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& choice,
+                           Eigen::Index index);
+
+}  // namespace finsight::host

@@ -1,0 +1,191 @@
+// Area force: contact forces from plate motions (paper, section 2.3), four touches of known forces.
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <stdexcept>
+
+#include "hostgen/common.h"
+#include "hostgen/fem/contact_forces.h"
+#include "hostgen/gnuplot.h"
+#include "hostgen/random.h"
+#include "hostgen/report/areas.h"
+#include "hostgen/statistics.h"
+
+namespace finsight::host {
+
+using nlohmann::json;
+
+namespace {
+
+struct Case {
+  std::string name;
+  std::vector<FaceForce> forces;
+};
+
+/// Even pressure on `columns` x `rows` points with their middle at (x, y).
+std::vector<FaceForce> pressure(double x, double y, double width_mm, double height_mm, int columns, int rows,
+                                double force_n) {
+  const auto at = [](double middle, double size, int index, int count) {
+    return static_cast<float>(middle + size * ((index + 0.5) / count - 0.5));
+  };
+  std::vector<FaceForce> forces;
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      forces.push_back(
+          {{at(x, width_mm, column, columns), at(y, height_mm, row, rows), 0}, force_n / (columns * rows)});
+    }
+  }
+  return forces;
+}
+
+/// Beside the middle and at no grid's points; the edge is a line along the face's border.
+std::vector<Case> cases(const FingerSpec& spec) {
+  const auto border = [&](double y) { return spec.half_width.at(y) - spec.touch_edge_mm; };
+  const double low = spec.touch_y_mm[0], reach = spec.touch_y_mm[1] - low, most_n = spec.force_n[1];
+  const auto point = [&](double across, double up, double share) {
+    const double y = low + up * reach;
+    return FaceForce{{static_cast<float>(across * border(y)), static_cast<float>(y), 0}, share * most_n};
+  };
+  const FaceForce middle = point(0.05, 0.58, 0.67);
+  std::vector<FaceForce> edge;
+  for (int i = 0; i < 9; ++i) edge.push_back(point(0.95, 0.4 + 0.025 * i, 0.67 / 9));
+  return {{"one point", {point(0.15, 0.62, 0.67)}},
+          {"two points", {point(-0.46, 0.32, 0.5), point(0.48, 0.79, 0.33)}},
+          {"pressure", pressure(middle.point_mm.x(), middle.point_mm.y(), 15, 15, 5, 5, middle.force_n)},
+          {"edge", edge}};
+}
+
+PlatePoses with_noise(PlatePoses poses, const FingerSpec& spec, Random& random) {
+  const auto draw = [&](double sigma) { return static_cast<float>(sigma * random.normal()); };
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    const PoseNoise& noise = spec.noise[p];
+    const Vec3f way(draw(noise.lateral_mm), draw(noise.depth_mm), draw(noise.lateral_mm));
+    const Vec3f turn(draw(noise.tilt_rad), draw(noise.roll_rad), draw(noise.tilt_rad));
+    poses.plates[p].displacement_mm += way;
+    poses.plates[p].rotation_rad += turn;
+  }
+  return poses;
+}
+
+double mean_front_mm(const TetMesh& mesh, const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (const int node : mesh.front_nodes) {
+    const Eigen::Index at = 3 * node;
+    sum += (Eigen::Map<const Eigen::Vector3d>(a.data() + at) - Eigen::Map<const Eigen::Vector3d>(b.data() + at)).norm();
+  }
+  return sum / static_cast<double>(mesh.front_nodes.size());
+}
+
+json curve(const ContactForces& found) {
+  json points = json::array();
+  for (const auto& point : found.curve) points.push_back({point.seconds, point.objective});
+  return points;
+}
+
+/// The true points are within the doubt of some contact: what the estimate says of itself is true.
+bool within_doubt(const std::vector<FaceForce>& truth, const ContactForces& found) {
+  return std::all_of(truth.begin(), truth.end(), [&](const FaceForce& force) {
+    return std::any_of(found.contacts.begin(), found.contacts.end(), [&](const Contact& contact) {
+      const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
+      return distance_mm <= std::max(contact.doubt.reach_mm, contact.doubt.spread_mm);
+    });
+  });
+}
+
+void plot(const json& rows, const std::filesystem::path& svg) {
+  Gnuplot gnuplot(svg);
+  gnuplot.line("set terminal svg size 900,700 dynamic background 'white'");
+  gnuplot.line("set multiplot layout 2,2");
+  gnuplot.line("set logscale xy");
+  gnuplot.line("set xlabel 'processor time, s'; set ylabel 'objective'");
+  for (const json& row : rows) {
+    gnuplot.line("set title '" + row["touch"].get<std::string>() + "'");
+    gnuplot.line(
+        "plot '-' title 'L-BFGS, adjoint gradient (paper)' with lines, '-' title 'Gauss-Newton' with linespoints");
+    for (const char* method : {"lbfgs_curve", "gauss_newton_curve"}) {
+      for (const json& point : row[method]) {
+        gnuplot.line(std::to_string(std::max(1e-3, point[0].get<double>())) + " " +
+                     std::to_string(std::max(1e-3, point[1].get<double>())));
+      }
+      gnuplot.line("e");
+    }
+  }
+  gnuplot.line("unset multiplot");
+  gnuplot.finish();
+}
+
+json run_case(ContactForceSolver& solver, const FingerSpec& spec, const TetMesh& mesh, const Case& touch, bool quick,
+              Random& random) {
+  const int draws = quick ? 2 : 20;
+  if (!solver.press(touch.forces)) throw std::runtime_error("contact forces: no equilibrium for '" + touch.name + "'");
+  const std::vector<double> truth = solver.node_displacement_mm();
+  const PlatePoses clean = solver.plates();
+  std::vector<double> seconds, front_mm, force_error_n, reach_mm;
+  int explained = 0, within = 0;
+  double true_n = 0;
+  for (const FaceForce& force : touch.forces) true_n += force.force_n;
+  json row{{"touch", touch.name}, {"force_n", true_n}};
+  for (int draw = 0; draw < draws; ++draw) {
+    if (interrupted()) throw Interrupted();
+    const PlatePoses measured = with_noise(clean, spec, random);
+    const ContactForces found = solver.gauss_newton(measured);
+    seconds.push_back(found.curve.back().seconds);
+    front_mm.push_back(mean_front_mm(mesh, found.node_displacement_mm, truth));
+    double total_n = 0, most_mm = 0;
+    for (const Contact& contact : found.contacts) {
+      total_n += contact.force_n;
+      most_mm = std::max(most_mm, contact.doubt.reach_mm);
+    }
+    force_error_n.push_back(std::abs(total_n - true_n));
+    reach_mm.push_back(most_mm);
+    explained += found.explained;
+    within += within_doubt(touch.forces, found);
+    if (draw > 0) continue;
+    row["contacts"] = found.contacts.size();
+    row["gauss_newton_curve"] = curve(found);
+    const ContactForces paper = solver.lbfgs(measured, quick ? 5 : 200);
+    row["lbfgs_curve"] = curve(paper);
+    row["lbfgs_s"] = paper.curve.back().seconds;
+    row["lbfgs_front_mm"] = mean_front_mm(mesh, paper.node_displacement_mm, truth);
+    row["lbfgs_force_n"] = paper.force_n.sum();
+  }
+  const auto mean = [](const std::vector<double>& values) {
+    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+  };
+  row["gauss_newton_s"] = quantile(seconds, 0.5);
+  row["front_mm"] = mean(front_mm);
+  row["force_error_n"] = mean(force_error_n);
+  row["reach_mm"] = quantile(reach_mm, 0.5);
+  row["explained"] = double(explained) / draws;
+  row["truth_within_doubt"] = double(within) / draws;
+  return row;
+}
+
+}  // namespace
+
+json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
+  const TetMesh mesh = make_mesh(spec);
+  ContactForceSolver solver(spec, mesh, 570, quick ? 12 : 30);
+  Random random(1);
+  json rows = json::array();
+  const std::vector<Case> touches = cases(spec);
+  Progress progress("contact forces", touches.size());
+  for (const Case& touch : touches) {
+    rows.push_back(run_case(solver, spec, mesh, touch, quick, random));
+    progress.advance();
+  }
+  const auto mean = [&](const char* key) {
+    double sum = 0;
+    for (const json& row : rows) sum += row[key].get<double>();
+    return sum / static_cast<double>(rows.size());
+  };
+  plot(rows, folder / "contact_forces.svg");
+  json force;
+  for (const char* key : {"gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "truth_within_doubt"}) force[key] = mean(key);
+  force["front_mean_mm"] = mean("front_mm");
+  force["cases"] = rows;
+  return {{"force", force}};
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,127 @@
+#include "hostgen/fem/contact_forces.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "tests/fem/box_mesh.h"
+
+using namespace finsight;
+using namespace finsight::host;
+using Eigen::Index;
+using Eigen::VectorXd;
+
+namespace {
+
+constexpr int kCandidates = 40;
+
+FingerSpec noisy_spec() {
+  FingerSpec spec = test::small_finger_spec();
+  for (PoseNoise& noise : spec.noise)
+    noise = {.lateral_mm = 0.005, .depth_mm = 0.02, .tilt_rad = 5e-4, .roll_rad = 5e-4};
+  return spec;
+}
+
+struct Fixture {
+  ContactForceSolver solver{noisy_spec(), test::small_finger_mesh(), kCandidates, 8};
+
+  PlatePoses plates_under(const std::vector<FaceForce>& forces) {
+    REQUIRE(solver.press(forces));
+    return solver.plates();
+  }
+  double objective_at(const PlatePoses& measured, const VectorXd& force_n) {
+    REQUIRE(solver.press(force_n));
+    return solver.objective(measured);
+  }
+  double worst_mm(const ContactForces& found, const std::vector<double>& truth) const {
+    double worst = 0;
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      worst = std::max(worst, std::abs(truth[i] - found.node_displacement_mm[i]));
+    }
+    return worst;
+  }
+};
+
+const std::vector<FaceForce> kTwo = {{{3, 26, 0}, 0.3}, {{-3, 52, 0}, 0.1}};
+
+}  // namespace
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: the adjoint gradient is the objective's derivative") {
+  const PlatePoses measured = plates_under(kTwo);
+  const VectorXd at = VectorXd::Constant(kCandidates, 0.008);
+  REQUIRE(solver.press(at));
+  VectorXd gradient;
+  solver.objective(measured, &gradient);
+  for (Index j = 0; j < kCandidates; j += 7) {
+    constexpr double kStep_n = 1e-4;
+    const VectorXd step = kStep_n * VectorXd::Unit(kCandidates, j);
+    const double slope = (objective_at(measured, at + step) - objective_at(measured, at - step)) / (2 * kStep_n);
+    CHECK(gradient[j] == doctest::Approx(slope).epsilon(1e-3));
+  }
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: Gauss-Newton finds two contacts at once, and the shape") {
+  const PlatePoses measured = plates_under(kTwo);
+  const std::vector<double> truth = solver.node_displacement_mm();
+  const ContactForces found = solver.gauss_newton(measured);
+  CHECK(found.converged);
+  CHECK(found.explained);
+  REQUIRE(found.contacts.size() == 2);
+  const std::size_t low = found.contacts[0].point_mm.y() < found.contacts[1].point_mm.y() ? 0 : 1;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Contact& contact = found.contacts[i == 0 ? low : 1 - low];
+    CHECK((contact.point_mm - kTwo[i].point_mm).norm() < 0.5F);
+    CHECK(contact.force_n == doctest::Approx(kTwo[i].force_n).epsilon(0.02));
+  }
+  CHECK(worst_mm(found, truth) < 0.02);
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: what is found is in equilibrium") {
+  const ContactForces found = solver.gauss_newton(plates_under(kTwo));
+  REQUIRE(solver.press(std::vector<FaceForce>(found.contacts.begin(), found.contacts.end())));
+  CHECK(worst_mm(found, solver.node_displacement_mm()) < 5e-3);
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: L-BFGS goes down, to what Gauss-Newton finds sooner") {
+  const PlatePoses measured = plates_under(kTwo);
+  const ContactForces paper = solver.lbfgs(measured, 30), ours = solver.gauss_newton(measured);
+  REQUIRE(paper.curve.size() > 10);
+  CHECK(paper.curve.back().objective < 0.1 * paper.curve.front().objective);
+  for (std::size_t i = 1; i < paper.curve.size(); ++i) CHECK(paper.curve[i].objective <= paper.curve[i - 1].objective);
+  CHECK(ours.curve.back().objective < 9);
+  CHECK(ours.curve.size() < paper.curve.size());
+  CHECK(solver.press(paper.force_n));
+  CHECK(solver.objective(measured) == doctest::Approx(paper.curve.back().objective).epsilon(0.01));
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: a finger at rest is not touched, a pulled one is not explained") {
+  const ContactForces rest = solver.gauss_newton(plates_under({}));
+  CHECK(rest.contacts.empty());
+  CHECK(rest.explained);
+  const ContactForces pulled = solver.gauss_newton(plates_under({{{0, 50, 0}, -0.2}}));
+  CHECK(pulled.contacts.empty());
+  CHECK_FALSE(pulled.explained);
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: one plate of three still finds the push, with more doubt") {
+  const std::vector<FaceForce> push = {{{-3, 40, 0}, 0.3}};
+  PlatePoses measured = plates_under(push);
+  const ContactForces all = solver.gauss_newton(measured);
+  measured.seen = {true, false, false};
+  measured.plates[kLowPlate].displacement_mm.setConstant(5);  // must not count
+  const ContactForces one = solver.gauss_newton(measured);
+  REQUIRE(all.contacts.size() == 1);
+  REQUIRE(one.contacts.size() == 1);
+  CHECK(static_cast<double>((one.contacts[0].point_mm - push[0].point_mm).norm()) <= one.contacts[0].doubt.reach_mm);
+  CHECK(one.contacts[0].doubt.reach_mm > all.contacts[0].doubt.reach_mm);
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: an answer does not depend on what was asked before") {
+  const PlatePoses measured = plates_under(kTwo);
+  const ContactForces first = solver.gauss_newton(measured);
+  solver.gauss_newton(plates_under({{{-3, 20, 0}, 0.2}}));
+  const ContactForces again = solver.gauss_newton(measured);
+  REQUIRE(first.contacts.size() == again.contacts.size());
+  CHECK(first.contacts[0].force_n == again.contacts[0].force_n);
+  CHECK(first.node_displacement_mm == again.node_displacement_mm);
+}
