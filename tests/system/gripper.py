@@ -43,6 +43,7 @@ def states():
 
 def main():
     prepare()
+    subprocess.run(["cmake", "--build", BINARIES, "--target", "gripper_loop"], check=True, stdout=subprocess.DEVNULL)
     plots = BINARIES / "gripper"
     plots.mkdir(exist_ok=True)
     code = subprocess.run([BINARIES / "tests" / "gripper_loop", PACK, SPEC, states(), FOLDER / "objects.csv",
