@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "firmware/input_error.h"
 #include "hostgen/commands.h"
 #include "hostgen/recordings/audit.h"
 #include "hostgen/recordings/identify.h"
