@@ -19,11 +19,11 @@ const PlatePriorData& prior() {
   return fitted;
 }
 
-TouchTraining train(int steps) {
+TouchTraining train(int steps, const FemDataset& dataset = test::synthetic_dataset()) {
   TouchTrainingPlan plan;
   plan.steps = steps;
   plan.batch = 64;
-  return train_touch(test::synthetic_spec(), test::synthetic_dataset(), prior(), plan);
+  return train_touch(test::synthetic_spec(), dataset, prior(), plan);
 }
 
 const TouchTraining& trained() {
@@ -131,11 +131,13 @@ TEST_CASE("touch training: the model has the sizes and the threshold that the pa
 }
 
 TEST_CASE("touch training: same seed, same bytes") {
-  const TouchTraining a = train(20), b = train(20);
+  const FemDataset few = test::synthetic_dataset(3, 2);
+  const TouchTraining a = train(20, few), b = train(20, few);
   CHECK(a.model.weights == b.model.weights);
   CHECK(a.model.weight_scale == b.model.weight_scale);
   CHECK(a.model.bias == b.model.bias);
   CHECK(a.model.output_mean == b.model.output_mean);
+  CHECK(a.model.radius_curve == b.model.radius_curve);
   CHECK(a.log == b.log);
 }
 
