@@ -25,6 +25,7 @@ class Commands {
   void turn();
   /// The command of setting 1021, unless another one is running.
   void trigger();
+  bool reset_is_ordered() const { return reset_at_ns_.has_value(); }
   /// A client ordered a reset, and has had the time to read the result.
   bool reset_is_due() const { return reset_at_ns_ && steady_now_ns() >= *reset_at_ns_; }
 

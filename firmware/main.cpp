@@ -324,7 +324,7 @@ int start(const Arguments& arguments) {
   const CameraCounts counts = camera->counts();
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
-  if (commands.reset_is_due()) {
+  if (commands.reset_is_ordered() && !stop_requested) {
     print_news("a client ordered a reset");
     return kStartAgain;
   }

@@ -136,6 +136,7 @@ TEST_CASE("commands: a lasting fault stays until it is cleared") {
 TEST_CASE("commands: reset is reported as done and asked for") {
   Device device;
   CHECK(device.result_of(Command::kReset, resting(1)) == 0);
+  CHECK(device.commands->reset_is_ordered());
   CHECK_FALSE(device.commands->reset_is_due());  // its result can be read first
   std::this_thread::sleep_for(std::chrono::nanoseconds(kResultIsShownNs));
   CHECK(device.commands->reset_is_due());
