@@ -111,7 +111,7 @@ FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm) {
     std::array<Eigen::Vector3d, 3> corner;
     for (std::size_t i = 0; i < 3; ++i) corner[i] = mesh.node_mm[static_cast<std::size_t>(triangle[i])];
     const Eigen::Vector3d L = nearest_in_triangle(corner, x_mm, y_mm);
-    const Eigen::Vector3d at = L[0] * corner[0] + L[1] * corner[1] + L[2] * corner[2];
+    const Eigen::Vector3d at = point_at(corner, L);
     const double distance = (at.head<2>() - Eigen::Vector2d(x_mm, y_mm)).squaredNorm();
     if (distance >= best_distance) continue;
     best_distance = distance;

@@ -20,4 +20,9 @@ std::vector<std::size_t> front_patch(std::span<const Eigen::Vector3d> points,
 /// Nearest point of the triangle to (x, y), seen along z, as barycentric coordinates; (x, y) itself if it is inside.
 Eigen::Vector3d nearest_in_triangle(const std::array<Eigen::Vector3d, 3>& corner, double x, double y);
 
+/// The point of the triangle with these barycentric coordinates.
+inline Eigen::Vector3d point_at(const std::array<Eigen::Vector3d, 3>& corner, const Eigen::Vector3d& share) {
+  return share[0] * corner[0] + share[1] * corner[1] + share[2] * corner[2];
+}
+
 }  // namespace finsight::host

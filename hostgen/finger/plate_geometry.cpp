@@ -34,8 +34,7 @@ Eigen::Vector3d front_point_mm(const FingerSpec& spec, double x_mm, double y_mm)
   double best_distance = std::numeric_limits<double>::infinity();
   for (const auto& [a, b, c] : spec.surface->front) {
     const std::array<Eigen::Vector3d, 3> corner = {surface.point_mm[a], surface.point_mm[b], surface.point_mm[c]};
-    const Eigen::Vector3d share = nearest_in_triangle(corner, x_mm, y_mm);
-    const Eigen::Vector3d at = share[0] * corner[0] + share[1] * corner[1] + share[2] * corner[2];
+    const Eigen::Vector3d at = point_at(corner, nearest_in_triangle(corner, x_mm, y_mm));
     const double distance = (at.head<2>() - Eigen::Vector2d(x_mm, y_mm)).squaredNorm();
     if (distance >= best_distance) continue;
     best_distance = distance;

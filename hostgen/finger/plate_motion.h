@@ -1,9 +1,12 @@
-// Plate motions between two known ones.
+// What is done with plate motions.
 #pragma once
 
 #include "firmware/types.h"
 
 namespace finsight::host {
+
+/// Half a millimetre per degree, the lever of a plate's edge: makes rotations comparable with displacements.
+constexpr float kMillimetresPerRadian = 28.65f;
 
 /// The part `t` (0: a, 1: b) of an even way from a to b, number by number.
 inline PlateMotion on_the_way(const PlateMotion& a, const PlateMotion& b, float t) {

@@ -263,8 +263,7 @@ void check_markers_on_plates(const FingerSpec& spec) {
         const bool level = surface.twice_area(t).normalized().y() < -0.99;
         for (Eigen::Vector3d& x : corner) x = {x.x(), x.z(), x.y()};  // seen from below
         const Eigen::Vector3d share = level ? nearest_in_triangle(corner, at.x(), at.z()) : Eigen::Vector3d::Zero();
-        const Eigen::Vector3d on = share[0] * corner[0] + share[1] * corner[1] + share[2] * corner[2];
-        return level && (on - Eigen::Vector3d(at.x(), at.z(), at.y())).norm() < kOffPlateMm;
+        return level && (point_at(corner, share) - Eigen::Vector3d(at.x(), at.z(), at.y())).norm() < kOffPlateMm;
       });
       if (on_plate) continue;
       throw InputError(spec.file.string(), std::string("plates.") + kPlateNames[index] + ".marker_mm",

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "firmware/touch/features.h"
+#include "hostgen/finger/plate_motion.h"
 
 namespace finsight::host {
 
@@ -11,7 +12,6 @@ namespace {
 
 constexpr int kMeans = 7;                                // point, displacement, force
 constexpr std::array<int, 4> kWithSigma = {0, 1, 2, 6};  // those with a log-sigma, at output kMeans + index
-constexpr float kMillimetresPerRadian = 28.65f;          // half a millimetre per degree: the lever of a plate's edge
 constexpr float kPeakRate = 2e-3f;
 constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 256, TouchModel::kOutputs};
 

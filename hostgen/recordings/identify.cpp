@@ -12,6 +12,7 @@
 #include "hostgen/common.h"
 #include "hostgen/fem/statics.h"
 #include "hostgen/finger/grid.h"
+#include "hostgen/finger/plate_motion.h"
 #include "hostgen/recordings/audit.h"
 
 namespace finsight::host {
@@ -33,7 +34,6 @@ constexpr SpecNumber kNumbers[] = {{"shape.front_wall_mm", &FingerSpec::front_wa
                                    {"material.youngs_modulus_mpa", &FingerSpec::youngs_modulus_mpa}};
 constexpr auto kCount = static_cast<Index>(std::size(kNumbers));
 
-constexpr double kLever_mm = 28.65;  // as in the touch network: turns rotations into millimetres
 constexpr double kLeastPush_mm = 2;
 constexpr double kDifference = 0.08;    // of a number's logarithm: well above what another mesh changes
 constexpr double kLargestChange = 0.3;  // of a number's logarithm in one iteration
@@ -57,22 +57,22 @@ Eigen::Vector3d inward_normal(const FingerSpec& spec) {
   return Eigen::Vector3d(0, -spec.front_z.slope, 1).normalized();
 }
 
-using PlateNumbers = Eigen::Matrix<double, 6 * kPlates, 1>;
+using Millimetres = Eigen::Matrix<double, 6 * kPlates, 1>;
 
 /// Displacements, and rotations as displacements; 0 for plates that were not seen.
-PlateNumbers in_millimetres(const std::array<PlateMotion, kPlates>& plates, const std::array<bool, kPlates>& seen) {
-  PlateNumbers numbers = PlateNumbers::Zero();
+Millimetres in_millimetres(const std::array<PlateMotion, kPlates>& plates, const std::array<bool, kPlates>& seen) {
+  Millimetres numbers = Millimetres::Zero();
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!seen[p]) continue;
     const auto at = static_cast<Index>(6 * p);
     numbers.segment<3>(at) = plates[p].displacement_mm.cast<double>();
-    numbers.segment<3>(at + 3) = kLever_mm * plates[p].rotation_rad.cast<double>();
+    numbers.segment<3>(at + 3) = (kMillimetresPerRadian * plates[p].rotation_rad).cast<double>();
   }
   return numbers;
 }
 
 /// Plate motions when the point has been pushed so far: the force is found from the way, which hardly bends with it.
-std::optional<PlateNumbers> simulate(FingerStatics& statics, const RecordedPush& push, const Eigen::Vector3d& inward) {
+std::optional<Millimetres> simulate(FingerStatics& statics, const RecordedPush& push, const Eigen::Vector3d& inward) {
   statics.reset();
   double force_n = kFirstForce_n;
   for (int load = 0; load < kMostLoads; ++load) {
@@ -101,7 +101,7 @@ Residuals residuals(const FingerSpec& spec, const std::vector<RecordedPush>& pus
   std::vector<char> good(pushes.size());
   parallel_for(pushes.size(), [&](std::size_t i) {
     FingerStatics statics(setup);
-    const std::optional<PlateNumbers> simulated = simulate(statics, pushes[i], inward);
+    const std::optional<Millimetres> simulated = simulate(statics, pushes[i], inward);
     if (!simulated) return;
     good[i] = 1;
     result.errors_mm.segment<6 * kPlates>(6 * kPlates * static_cast<Index>(i)) =

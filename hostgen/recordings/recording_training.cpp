@@ -8,6 +8,7 @@
 #include "firmware/touch/features.h"
 #include "firmware/touch/touch_stage.h"
 #include "hostgen/common.h"
+#include "hostgen/finger/plate_motion.h"
 #include "hostgen/learn/network.h"
 #include "hostgen/learn/regression.h"
 #include "hostgen/learn/split.h"
@@ -18,7 +19,6 @@ namespace finsight::host {
 namespace {
 
 constexpr int kFolds = 5;
-constexpr float kMillimetresPerRadian = 28.65f;  // the lever of a plate's edge, as in the touch network
 
 /// The rows that take part.
 struct Rows {

@@ -8,7 +8,7 @@
 #include "hostgen/common.h"
 #include "hostgen/fem/contact_forces.h"
 #include "hostgen/gnuplot.h"
-#include "hostgen/random.h"
+#include "hostgen/learn/touch_samples.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/statistics.h"
 
@@ -54,18 +54,6 @@ std::vector<Case> cases(const FingerSpec& spec) {
           {"two points", {point(-0.46, 0.32, 0.5), point(0.48, 0.79, 0.33)}},
           {"pressure", pressure(middle.point_mm.x(), middle.point_mm.y(), 15, 15, 5, 5, middle.force_n)},
           {"edge", edge}};
-}
-
-PlatePoses with_noise(PlatePoses poses, const FingerSpec& spec, Random& random) {
-  const auto draw = [&](double sigma) { return static_cast<float>(sigma * random.normal()); };
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    const PoseNoise& noise = spec.noise[p];
-    const Vec3f way(draw(noise.lateral_mm), draw(noise.depth_mm), draw(noise.lateral_mm));
-    const Vec3f turn(draw(noise.tilt_rad), draw(noise.roll_rad), draw(noise.tilt_rad));
-    poses.plates[p].displacement_mm += way;
-    poses.plates[p].rotation_rad += turn;
-  }
-  return poses;
 }
 
 double mean_front_mm(const TetMesh& mesh, const std::vector<double>& a, const std::vector<double>& b) {
@@ -128,7 +116,9 @@ json run_case(ContactForceSolver& solver, const FingerSpec& spec, const TetMesh&
   json row{{"touch", touch.name}, {"force_n", true_n}};
   for (int draw = 0; draw < draws; ++draw) {
     if (interrupted()) throw Interrupted();
-    const PlatePoses measured = with_noise(clean, spec, random);
+    PlateNumbers noisy = plate_numbers(clean);
+    add_noise(spec.noise, random, noisy);
+    const PlatePoses measured = seen_poses({noisy.data(), 18});
     const ContactForces found = solver.gauss_newton(measured);
     seconds.push_back(found.curve.back().seconds);
     front_mm.push_back(mean_front_mm(mesh, found.node_displacement_mm, truth));
