@@ -18,8 +18,8 @@ from pathlib import Path
 from live_table import session_truth, watch
 from register_block import Reader
 
-BINARIES = Path(sys.argv.pop(1))
-SOURCE = Path(sys.argv.pop(1))
+BINARIES = Path(sys.argv.pop(1)).resolve()
+SOURCE = Path(sys.argv.pop(1)).resolve()
 WORK = BINARIES / "system-test"
 PACK = WORK / "srm.safetensors"
 SESSION = WORK / "session"
