@@ -37,6 +37,8 @@ struct PlatePoses {
   std::array<bool, kPlates>
       seen{};  ///< false: that plate's motion is completed from the seen ones by the model's prior
   std::array<float, kPlates> reprojection_px{};  ///< RMS distance of the corners from their reprojection
+  std::array<float, kPlates> noise{1, 1,
+                                   1};  ///< of seen plates: standard deviation over the pack's (PlatePrior::noise)
   Quality quality = Quality::kInvalid;
 
   int seen_count() const { return int{seen[0]} + int{seen[1]} + int{seen[2]}; }

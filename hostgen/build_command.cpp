@@ -113,8 +113,8 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
   check_self_test(Model::open(options.output));
 }
 
-/// The finite-element states: from a file, or computed. An interrupted run keeps finished paths beside the pack and goes on
-/// there.
+/// The finite-element states: from a file, or computed. An interrupted run keeps finished paths beside the pack and
+/// goes on there.
 FemDataset truth(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile, const Options& options) {
   if (!options.dataset.empty()) {
     FemDataset dataset = read_dataset(options.dataset);
@@ -157,7 +157,7 @@ void run(const Options& options) {
   if (!options.save_dataset.empty()) write_dataset(options.save_dataset, dataset);
 
   const auto training_start = std::chrono::steady_clock::now();
-  parts.prior = fit_plate_prior(dataset);
+  parts.prior = fit_plate_prior(dataset, parts.spec.noise);
   parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps});
   figures.training_seconds = seconds_since(training_start);
   figures.touch = &parts.touch;
@@ -190,8 +190,10 @@ void add_build_command(CLI::App& app) {
                       "states made before by hostgen dataset or merge, instead of the profile's; without it they are "
                       "computed, and an interrupted run goes on from OUTPUT.paths");
   command->add_option("--save-dataset", options->save_dataset, "keep the states in this file (.safetensors)");
-  command->add_option("--points", options->points, "touched points, instead of the profile's")->check(CLI::Range(5, 5000));
-  command->add_option("--forces", options->forces, "forces per point, instead of the profile's")->check(CLI::Range(2, 200));
+  command->add_option("--points", options->points, "touched points, instead of the profile's")
+      ->check(CLI::Range(5, 5000));
+  command->add_option("--forces", options->forces, "forces per point, instead of the profile's")
+      ->check(CLI::Range(2, 200));
   command->add_option("--training-steps", options->training_steps, "Adam steps, instead of the profile's")
       ->check(CLI::Range(100, 1000000));
   command->add_option("--seed", options->seed, "of training and noise; same spec and seed, same bytes")

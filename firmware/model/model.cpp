@@ -237,6 +237,7 @@ Model Model::open(const std::filesystem::path& path) {
   model.touch = read_touch(pack);
   model.prior.mean = pack.tensor<float>(tensor::kPriorMean, {18});
   model.prior.covariance = pack.tensor<float>(tensor::kPriorCovariance, {18, 18});
+  model.prior.noise = pack.tensor<float>(tensor::kPriorNoise, {18});
   model.mount = read_mount(pack, file);
   model.self_test = read_self_test(pack, model.shape.nodes);
   pack.finish();

@@ -57,10 +57,10 @@ struct DenseInt8 {
   std::span<const float> bias;           ///< [outputs]
 };
 
-/// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, which plates were seen.
+/// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, log of each plate's noise.
 /// Outputs: point x y z, its displacement x y z, force, log of the three point errors, log of the force error.
 struct TouchModel {
-  static constexpr int kInputs = 18 + 1 + kPlates;
+  static constexpr int kInputs = 18 + 1 + kPlates;  // direction, size, noise
   static constexpr int kOutputs = 11;
   std::span<const float> scale;         ///< [18] mm or mm per rad, before taking the direction
   std::span<const float> input_mean;    ///< [kInputs]
@@ -70,9 +70,9 @@ struct TouchModel {
   /// [knots, 3] plate motion (mm, ascending), a, b: the radius at that motion is exp(a) times the network's to the b,
   /// linear in between, constant beyond.
   std::span<const float> radius_curve;
-  std::array<DenseInt8, 3> layers;      ///< 22 -> 512 -> 256 -> 11, ReLU between
-  float threshold_mm = 0;               ///< plate motion below which a touch is invalid
-  float range_mm = 0;                   ///< plate motion beyond which nothing was trained: over-range, no touch
+  std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 256 -> 11, ReLU between
+  float threshold_mm = 0;           ///< plate motion below which a touch is invalid
+  float range_mm = 0;               ///< plate motion beyond which nothing was trained: over-range, no touch
 };
 
 /// Gaussian over the 18 plate numbers of touched fingers: picks between two poses of a marker and completes plates that
@@ -80,6 +80,7 @@ struct TouchModel {
 struct PlatePrior {
   std::span<const float> mean;        ///< [18]
   std::span<const float> covariance;  ///< [18, 18] symmetric positive definite
+  std::span<const float> noise;       ///< [18] positive: standard deviation of a measured number, for noise of size 1
 };
 
 /// Where markers and camera are when nothing touches the finger.
@@ -149,6 +150,7 @@ inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "tou
 inline constexpr const char* kTouchBias[3] = {"touch.bias0", "touch.bias1", "touch.bias2"};
 inline constexpr const char* kPriorMean = "prior.mean";
 inline constexpr const char* kPriorCovariance = "prior.covariance";
+inline constexpr const char* kPriorNoise = "prior.noise";
 inline constexpr const char* kMarkerPoses = "mount.T_finger_marker";  // [3, 4, 4]
 inline constexpr const char* kCameraPose = "mount.T_finger_camera";   // [4, 4]
 inline constexpr const char* kMarkerIds = "mount.marker_id";          // i32 [3]

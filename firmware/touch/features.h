@@ -1,5 +1,7 @@
-// What the touch network looks at: which way the plates moved, how far, and which of them were seen.
+// What the touch network looks at: which way the plates moved, how far, and how well each of them was measured.
 #pragma once
+
+#include <algorithm>
 
 #include "firmware/model/plate_prior.h"
 
@@ -8,10 +10,22 @@ namespace finsight {
 /// Added to the size of a motion (in scaled mm) before its logarithm is taken, so that rest has one.
 inline constexpr float kSmallestMotion = 1e-3f;
 
+/// Sizes of noise (PlatePoses::noise) that the network can tell apart, and the one that stands for an unseen plate.
+inline constexpr float kLeastNoise = 0.1f, kMostNoise = 10, kUnseenNoise = 100;
+
+/// What the network is told about the noise of each plate.
+inline std::array<float, kPlates> noise_of(const PlatePoses& poses) {
+  std::array<float, kPlates> noise;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    noise[p] = poses.seen[p] ? std::clamp(poses.noise[p], kLeastNoise, kMostNoise) : kUnseenNoise;
+  }
+  return noise;
+}
+
 /// The network's normalised inputs [TouchModel::kInputs]. The direction of the 18 scaled numbers tells where the finger
-/// is touched almost independently of the force; the logarithm of their size tells the force; the flags tell how much
-/// of the direction was measured. Training and firmware both call this function.
-void touch_features(const TouchModel& model, const PlateNumbers& numbers, const std::array<bool, kPlates>& seen,
+/// is touched almost independently of the force; the logarithm of their size tells the force; those of the noise tell
+/// what the numbers are worth. Training and firmware both call this function.
+void touch_features(const TouchModel& model, const PlateNumbers& numbers, const std::array<float, kPlates>& noise,
                     std::span<float, TouchModel::kInputs> inputs);
 
 }  // namespace finsight

@@ -54,7 +54,7 @@ const Touch& TouchStage::locate(const PlatePoses& poses) {
 void TouchStage::run_network(const PlatePoses& poses) {
   std::array<float, TouchModel::kInputs> inputs;
   std::array<float, TouchModel::kOutputs> outputs;
-  touch_features(model_, plate_numbers(poses), poses.seen, inputs);
+  touch_features(model_, plate_numbers(poses), noise_of(poses), inputs);
   forward(model_.layers[0], inputs, hidden_[0], true);
   forward(model_.layers[1], hidden_[0], hidden_[1], true);
   forward(model_.layers[2], hidden_[1], outputs, false);

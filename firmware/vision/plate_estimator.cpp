@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -16,6 +17,12 @@ using Eigen::Vector3d;
 
 constexpr double kSlackMm = 3, kSlackRad = 0.15;
 constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
+// A corner this many standard deviations off has half the weight: of normal ones that costs 5 %.
+constexpr double kHalfWeightSigmas = 4;
+constexpr double kGuessWeight = 4;  // of the guessed scatter, in numbers
+constexpr double kLeastSigmaPx = 0.01, kMostSigmaPx = 1;
+
+double corner_weight(double sigmas_sq) { return 1 / (1 + sigmas_sq / (kHalfWeightSigmas * kHalfWeightSigmas)); }
 
 Matrix3d cross_matrix(const Vector3d& v) {
   Matrix3d m;
@@ -51,11 +58,13 @@ PlateEstimator::PlateEstimator(const MountModel& mount, const PlatePrior& prior,
     : T_camera_finger_(mount.T_finger_camera.cast<double>().inverse()),
       T_finger_camera_(mount.T_finger_camera.cast<double>()),
       focal_px_(focal_px) {
-  if (prior.mean.size() != 18 || prior.covariance.size() != 18 * 18) {
+  if (prior.mean.size() != 18 || prior.covariance.size() != 18 * 18 || prior.noise.size() != 18) {
     throw InputError("prior", "size",
-                     std::to_string(prior.mean.size()) + " and " + std::to_string(prior.covariance.size()) + " numbers",
-                     "18 and 324");
+                     std::to_string(prior.mean.size()) + ", " + std::to_string(prior.covariance.size()) + " and " +
+                         std::to_string(prior.noise.size()) + " numbers",
+                     "18, 324 and 18");
   }
+  noise_ = Eigen::Map<const Eigen::Matrix<float, 18, 1>>(prior.noise.data()).cast<double>();
   mean_ = Eigen::Map<const Eigen::Matrix<float, 18, 1>>(prior.mean.data()).cast<double>();
   const Matrix18 covariance = Eigen::Map<const Eigen::Matrix<float, 18, 18>>(prior.covariance.data()).cast<double>();
   const Eigen::LLT<Matrix18> factor(covariance);
@@ -87,11 +96,11 @@ Eigen::Matrix<double, 6, 1> PlateEstimator::motion(std::size_t plate, const Eige
 
 // Corner X of the plate at rest, seen from its centre c, is now at exp(w) X + c + d. The camera sees it along
 // (x / z, y / z); the residual is the difference from the measured ray, in units of the corners' scatter.
-bool PlateEstimator::add_plate(const MarkerRays& rays, std::size_t plate, const Numbers& numbers, Matrix6& information,
+bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const Numbers& numbers, Matrix6& information,
                                Vector6& gradient) const {
   const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
   const Turn turn(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
-  const double weight = focal_px_ / kCornerSigmaPx;
+  const double scale = focal_px_ / sight.corner_sigma_px;
   information.setZero();
   gradient.setZero();
   for (std::size_t k = 0; k < 4; ++k) {
@@ -104,47 +113,101 @@ bool PlateEstimator::add_plate(const MarkerRays& rays, std::size_t plate, const 
     by_place = (by_place * T_camera_finger_.linear() / seen.z()).eval();
     Eigen::Matrix<double, 2, 6> jacobian;
     jacobian << by_place, -by_place * cross_matrix(arm) * turn.left_jacobian;
-    jacobian *= weight;
-    information.noalias() += jacobian.transpose() * jacobian;
-    gradient.noalias() += jacobian.transpose() * (weight * (ray - rays[k]));
+    jacobian *= scale;
+    const Vector2d residual = scale * (ray - sight.rays[plate][k]);
+    const double weight = corner_weight(residual.squaredNorm());
+    information.noalias() += weight * jacobian.transpose() * jacobian;
+    gradient.noalias() += weight * jacobian.transpose() * residual;
   }
   return true;
 }
 
-void PlateEstimator::improve(const PlateSight& sight, Numbers& numbers) const {
-  Matrix18 information = precision_;
-  Numbers gradient = precision_ * (numbers - mean_);
+void PlateEstimator::normal_equations(const PlateSight& sight, const Numbers& numbers, Matrix18& information,
+                                      Numbers& gradient) const {
+  information = precision_;
+  gradient = precision_ * (numbers - mean_);
   for (std::size_t p = 0; p < kPlates; ++p) {
     Matrix6 plate_information;
     Vector6 plate_gradient;
-    if (!sight.seen[p] || !add_plate(sight.rays[p], p, numbers, plate_information, plate_gradient)) continue;
+    if (!sight.seen[p] || !add_plate(sight, p, numbers, plate_information, plate_gradient)) continue;
     const int first = 6 * static_cast<int>(p);
     information.block<6, 6>(first, first) += plate_information;
     gradient.segment<6>(first) += plate_gradient;
   }
+}
+
+void PlateEstimator::improve(const PlateSight& sight, Numbers& numbers) const {
+  Matrix18 information;
+  Numbers gradient;
+  normal_equations(sight, numbers, information, gradient);
   numbers -= information.llt().solve(gradient);
 }
 
-double PlateEstimator::reprojection_px(const PlateSight& sight, std::size_t plate, const Numbers& numbers) const {
+// Where a plate's corners are seen, and how far from where they should be; false behind the camera.
+bool PlateEstimator::reproject(const PlateSight& sight, std::size_t plate, const Numbers& numbers,
+                               std::array<double, 4>& distance_px) const {
   const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
   const Turn turn(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
-  double sum = 0;
   for (std::size_t k = 0; k < 4; ++k) {
     const Vector3d seen = T_camera_finger_ * (turn.rotation * rest_[plate].corner[k] + rest_[plate].centre + d);
-    if (!(seen.z() > kNearestMm)) return std::numeric_limits<double>::infinity();
-    sum += (seen.head<2>() / seen.z() - sight.rays[plate][k]).squaredNorm();
+    if (!(seen.z() > kNearestMm)) return false;
+    distance_px[k] = focal_px_ * (seen.head<2>() / seen.z() - sight.rays[plate][k]).norm();
   }
-  return focal_px_ * std::sqrt(sum / 4);
+  return true;
+}
+
+double PlateEstimator::reprojection_px(const PlateSight& sight, std::size_t plate, const Numbers& numbers) const {
+  std::array<double, 4> distance_px;
+  if (!reproject(sight, plate, numbers, distance_px)) return std::numeric_limits<double>::infinity();
+  double sum = 0;
+  for (const double distance : distance_px) sum += distance * distance;
+  return std::sqrt(sum / 4);
 }
 
 double PlateEstimator::cost(const PlateSight& sight, const Numbers& numbers) const {
+  constexpr double kScaleSq = kHalfWeightSigmas * kHalfWeightSigmas;
   double sum = (numbers - mean_).dot(precision_ * (numbers - mean_));
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!sight.seen[p]) continue;
-    const double rms = reprojection_px(sight, p, numbers) / kCornerSigmaPx;
-    sum += 4 * rms * rms;
+    std::array<double, 4> distance_px;
+    if (!reproject(sight, p, numbers, distance_px)) return std::numeric_limits<double>::infinity();
+    for (const double distance : distance_px) {
+      sum += kScaleSq * std::log1p(std::pow(distance / sight.corner_sigma_px, 2) / kScaleSq);
+    }
   }
   return sum;
+}
+
+// The fit takes up as many of the corners' numbers as the corners, and not the prior, determine: 18 - tr(P C).
+double PlateEstimator::corner_sigma_px(const PlateSight& sight, const Numbers& numbers) const {
+  Matrix18 information;
+  Numbers gradient;
+  normal_equations(sight, numbers, information, gradient);
+  const Matrix18 covariance = information.llt().solve(Matrix18::Identity());
+  double left = precision_.cwiseProduct(covariance).sum() - 18, sum_sq = 0;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    std::array<double, 4> distance_px;
+    if (!sight.seen[p] || !reproject(sight, p, numbers, distance_px)) continue;
+    left += 8;
+    for (const double distance : distance_px) {
+      sum_sq += corner_weight(std::pow(distance / sight.corner_sigma_px, 2)) * distance * distance;
+    }
+  }
+  const double guess_sq = kGuessWeight * kCornerSigmaPx * kCornerSigmaPx;
+  return std::clamp(std::sqrt((guess_sq + sum_sq) / (kGuessWeight + std::max(left, 0.0))), kLeastSigmaPx, kMostSigmaPx);
+}
+
+std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const Numbers& numbers) const {
+  Matrix18 information;
+  Numbers gradient;
+  normal_equations(sight, numbers, information, gradient);
+  const Matrix18 covariance = information.llt().solve(Matrix18::Identity());
+  const Numbers ratio_sq = covariance.diagonal().cwiseQuotient(noise_.cwiseAbs2());
+  std::array<float, kPlates> noise;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    noise[p] = static_cast<float>(std::sqrt(ratio_sq.segment<6>(6 * static_cast<int>(p)).mean()));
+  }
+  return noise;
 }
 
 double PlateEstimator::distance_from_prior(std::size_t plate, const Numbers& numbers) const {

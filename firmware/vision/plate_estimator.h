@@ -7,28 +7,36 @@
 
 namespace finsight {
 
-/// What is seen of the plates: the lines of sight of every seen marker's corners.
+/// Standard deviation of a corner before any is seen: 0.02 ... 0.03 pixels are measured in drawn pictures with the blur
+/// and noise of a good camera; as much again is left to the lens's calibration and the print.
+inline constexpr double kCornerSigmaPx = 0.05;
+
+/// What is seen of the plates: the lines of sight of every seen marker's corners, and how much they scatter.
 struct PlateSight {
   std::array<bool, kPlates> seen{};
   std::array<MarkerRays, kPlates> rays;
+  double corner_sigma_px = kCornerSigmaPx;
 };
 
-/// Maximises p(corners | motions) p(motions): corners scatter by kCornerSigmaPx, motions follow the pack's Gaussian.
-/// A plate that is not seen has no residuals; the prior alone places it, given the others. Nothing here allocates.
+/// Maximises p(corners | motions) p(motions): motions follow the pack's Gaussian, corners a Cauchy-like distribution,
+/// which is normal with corner_sigma_px near the middle and lets a corner that dirt has moved far off pull little. A
+/// plate that is not seen has no residuals; the prior alone places it, given the others. Nothing here allocates.
 class PlateEstimator {
  public:
   using Numbers = Eigen::Matrix<double, 18, 1>;  ///< per plate (top, middle, low) displacement x y z, rotation x y z
-
-  /// Standard deviation of a corner: 0.02 ... 0.03 pixels are measured in drawn pictures with the blur and noise of a
-  /// good camera; as much again is left to the lens's calibration and the print.
-  static constexpr double kCornerSigmaPx = 0.05;
 
   /// `focal_px` turns angles into pixels. Throws InputError for a prior that is not a positive definite Gaussian.
   PlateEstimator(const MountModel& mount, const PlatePrior& prior, double focal_px);
 
   const Numbers& prior_mean() const { return mean_; }
-  /// One Gauss-Newton step from `numbers`.
+  /// One Gauss-Newton step from `numbers`, with each corner's weight as its distance there says.
   void improve(const PlateSight& sight, Numbers& numbers) const;
+  /// The corners' scatter as their distances from the reprojection say at the estimate. Three markers leave some eight
+  /// numbers that nothing was fitted to; the guess kCornerSigmaPx counts as four more.
+  double corner_sigma_px(const PlateSight& sight, const Numbers& numbers) const;
+  /// Standard deviations at the estimate, from the inverse of the normal equations: per plate the RMS of its six over
+  /// those of the pack (PlatePrior::noise).
+  std::array<float, kPlates> noise(const PlateSight& sight, const Numbers& numbers) const;
   /// Twice the negative log probability, without its constant; infinite if a corner is not in front of the camera.
   double cost(const PlateSight& sight, const Numbers& numbers) const;
   /// RMS distance of a seen plate's four corners from where `numbers` puts them; infinite behind the camera.
@@ -49,13 +57,17 @@ class PlateEstimator {
     std::array<Eigen::Vector3d, 4> corner;  ///< from the centre, finger frame
     Matrix6 loose_precision;                ///< inverse of this plate's covariance with the slack
   };
-  bool add_plate(const MarkerRays& rays, std::size_t plate, const Numbers& numbers, Matrix6& information,
+  bool add_plate(const PlateSight& sight, std::size_t plate, const Numbers& numbers, Matrix6& information,
                  Vector6& gradient) const;
+  void normal_equations(const PlateSight& sight, const Numbers& numbers, Matrix18& information,
+                        Numbers& gradient) const;
+  bool reproject(const PlateSight& sight, std::size_t plate, const Numbers& numbers,
+                 std::array<double, 4>& distance_px) const;
 
   std::array<PlateAtRest, kPlates> rest_;
   Eigen::Isometry3d T_camera_finger_, T_finger_camera_;
   double focal_px_;
-  Numbers mean_;
+  Numbers mean_, noise_;
   Matrix18 precision_;
 };
 

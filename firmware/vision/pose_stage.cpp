@@ -12,6 +12,7 @@ constexpr double kLargestReprojectionPx = 3;
 constexpr double kFarthestSigmas = 6;  // from the prior with its slack
 // From IPPE's pose Gauss-Newton converges quadratically: after five steps the numbers stand still to 1e-9.
 constexpr int kSteps = 5;
+constexpr int kStepsWithScatter = 2;  // the corners' scatter changes little: only their weight against the prior
 
 const CameraModel& checked(const CameraModel& camera) {
   check_camera(camera);
@@ -47,7 +48,11 @@ const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {
       poses_.reprojection_px[p] = static_cast<float>(estimator_.reprojection_px(sight_, p, numbers));
     }
   }
-  if (method_ == PoseMethod::kPublished) complete_from_prior(prior_, poses_);
+  if (method_ == PoseMethod::kPublished) {
+    complete_from_prior(prior_, poses_);
+  } else {
+    poses_.noise = estimator_.noise(sight_, numbers);
+  }
   return poses_;
 }
 
@@ -67,7 +72,8 @@ void PoseStage::look(const MarkerCorners& corners) {
 // A square seen almost face-on has two poses of nearly the same reprojection error, mirror images in tilt. Of the up to
 // eight combinations the prior knows the right one; one step from each is enough to compare them, because it brings the
 // noisy tilts of small squares to where corners and prior together want them.
-PoseStage::Numbers PoseStage::estimate_jointly() const {
+PoseStage::Numbers PoseStage::estimate_jointly() {
+  sight_.corner_sigma_px = kCornerSigmaPx;
   Numbers best = Numbers::Constant(std::numeric_limits<double>::quiet_NaN());
   double best_cost = std::numeric_limits<double>::infinity();
   for (unsigned combination = 0; combination < 1U << kPlates; ++combination) {
@@ -90,6 +96,8 @@ PoseStage::Numbers PoseStage::estimate_jointly() const {
     }
   }
   for (int step = 0; step < kSteps; ++step) estimator_.improve(sight_, best);
+  sight_.corner_sigma_px = estimator_.corner_sigma_px(sight_, best);
+  for (int step = 0; step < kStepsWithScatter; ++step) estimator_.improve(sight_, best);
   return best;
 }
 

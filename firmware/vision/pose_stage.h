@@ -29,7 +29,7 @@ class PoseStage {
  private:
   using Numbers = PlateEstimator::Numbers;
   void look(const MarkerCorners& corners);
-  Numbers estimate_jointly() const;
+  Numbers estimate_jointly();
   Numbers estimate_one_by_one() const;
   bool drop_worst(const Numbers& numbers);
 

@@ -57,6 +57,12 @@ struct PoseNoise {
   double depth_mm = 0;    ///< along it
   double tilt_rad = 0;    ///< rotation out of the picture plane
   double roll_rad = 0;    ///< rotation in the picture plane
+
+  /// In the order of the plate numbers: displacement x y z, rotation x y z. The camera looks along the finger's y axis:
+  /// y is depth, x and z are lateral, rotations about x and z are tilt, about y roll.
+  std::array<double, 6> standard_deviations() const {
+    return {lateral_mm, depth_mm, lateral_mm, tilt_rad, roll_rad, tilt_rad};
+  }
 };
 
 struct FingerSpec {

@@ -13,12 +13,13 @@ constexpr double kFractions[] = {0.0, 0.25, 0.5, 0.75, 1.0};
 // The prior is over measured motions. This much measurement noise makes the covariance positive definite (the states
 // lie near a three-dimensional surface) and keeps the completion of unseen plates from amplifying noise.
 constexpr double kNoise_mm = 0.1, kNoise_rad = 0.005;
+constexpr double kLeastSigma = 1e-6;
 
 }  // namespace
 
-PlatePrior PlatePriorData::view() const { return {mean, covariance}; }
+PlatePrior PlatePriorData::view() const { return {mean, covariance, noise}; }
 
-PlatePriorData fit_plate_prior(const FemDataset& dataset) {
+PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseNoise, kPlates>& noise) {
   Eigen::Matrix<double, 18, 1> sum = Eigen::Matrix<double, 18, 1>::Zero();
   Eigen::Matrix<double, 18, 18> squares = Eigen::Matrix<double, 18, 18>::Zero();
   double count = 0;
@@ -39,6 +40,11 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset) {
   PlatePriorData prior;
   for (int i = 0; i < 18; ++i) prior.mean.push_back(static_cast<float>(mean[i]));
   for (const double value : covariance.reshaped()) prior.covariance.push_back(static_cast<float>(value));
+  for (const PoseNoise& plate : noise) {
+    for (const double sigma : plate.standard_deviations()) {
+      prior.noise.push_back(static_cast<float>(std::max(sigma, kLeastSigma)));
+    }
+  }
   return prior;
 }
 

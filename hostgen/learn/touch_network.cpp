@@ -37,10 +37,12 @@ class Measurements {
     for (int column = 0; column < inputs.cols(); ++column) {
       const TouchSample& touch = touches_[random_.index(touches_.size())];
       PlateNumbers numbers = touch.numbers;
-      add_noise(noise_, random_, numbers);
+      std::array<float, kPlates> noise = draw_noise(random_);
+      add_noise(noise_, random_, numbers, noise);
       const std::array<bool, kPlates> seen = draw_seen(random_);
       complete_from_prior(prior_, seen, numbers);
-      touch_features(model, numbers, seen,
+      for (std::size_t p = 0; p < kPlates; ++p) noise[p] = seen[p] ? noise[p] : kUnseenNoise;
+      touch_features(model, numbers, noise,
                      std::span<float, TouchModel::kInputs>(inputs.col(column).data(), TouchModel::kInputs));
       targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_n;
     }
@@ -53,8 +55,7 @@ class Measurements {
   Random& random_;
 };
 
-// Inputs and outputs of about one: statistics of measured touches. The flags count from "seen", so that in the usual
-// case they add nothing.
+// Inputs and outputs of about one: statistics of measured touches.
 constexpr int kDraws = 4096;
 TouchModelData fit_normalisation(Measurements& measurements) {
   TouchModelData model;
@@ -69,7 +70,6 @@ TouchModelData fit_normalisation(Measurements& measurements) {
   model.input_mean.clear();
   statistics(inputs, model.input_mean, sigma);
   for (std::size_t i = 0; i < sigma.size(); ++i) model.input_scale[i] = 1.0f / sigma[i];
-  for (std::size_t i = 19; i < TouchModel::kInputs; ++i) model.input_mean[i] = model.input_scale[i] = 1.0f;
   statistics(targets, model.output_mean, model.output_scale);
   for (const int mean : kWithSigma) {
     model.output_mean.push_back(std::log(model.output_scale[static_cast<std::size_t>(mean)]));
@@ -138,10 +138,10 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
 }
 
 Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PlateNumbers& numbers,
-                                                       const std::array<bool, kPlates>& seen) {
+                                                       const std::array<float, kPlates>& noise) {
   const TouchModel model = trained.model.view();
   Eigen::Matrix<float, TouchModel::kInputs, 1> inputs;
-  touch_features(model, numbers, seen, std::span<float, TouchModel::kInputs>(inputs.data(), TouchModel::kInputs));
+  touch_features(model, numbers, noise, std::span<float, TouchModel::kInputs>(inputs.data(), TouchModel::kInputs));
   Eigen::Matrix<float, TouchModel::kOutputs, 1> outputs = trained.network.forward(inputs);
   for (int i = 0; i < TouchModel::kOutputs; ++i) {
     const auto k = static_cast<std::size_t>(i);

@@ -17,7 +17,7 @@ struct TouchNetwork {
   Eigen::MatrixXf sample_inputs;  ///< [TouchModel::kInputs, samples] normalised, as in training: for quantise()
 };
 
-/// Trains on `touches`, each time with fresh pose noise and sometimes without some plates.
+/// Trains on `touches`, each time with fresh pose noise of another size and sometimes without some plates.
 ///
 /// Loss: of the seven means (point, displacement, force) the squared error in the first fifth of the steps; then, for
 /// the three coordinates of the point and the force, the Gaussian negative log-likelihood with the predicted standard
@@ -33,12 +33,12 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient);
 
-/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`, so that the
-/// outputs for `trained.sample_inputs` change least.
+/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`, so that
+/// the outputs for `trained.sample_inputs` change least.
 void quantise(TouchNetwork& trained);
 
-/// The float network's eleven numbers in physical units, for one pose.
+/// The float network's eleven numbers in physical units, for one pose and the noise of its plates (noise_of()).
 Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PlateNumbers& numbers,
-                                                       const std::array<bool, kPlates>& seen);
+                                                       const std::array<float, kPlates>& noise);
 
 }  // namespace finsight::host

@@ -1,6 +1,17 @@
 #include "hostgen/learn/touch_samples.h"
 
+#include <algorithm>
+#include <cmath>
+
+#include "firmware/touch/features.h"
+
 namespace finsight::host {
+
+namespace {
+
+constexpr float kMostTrainedNoise = 4;
+
+}  // namespace
 
 std::vector<TouchSample> draw_touches(const FingerSpec& spec, const StateInterpolant& states, std::size_t count,
                                       Random& random) {
@@ -14,14 +25,24 @@ std::vector<TouchSample> draw_touches(const FingerSpec& spec, const StateInterpo
   return touches;
 }
 
-void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PlateNumbers& numbers) {
+void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PlateNumbers& numbers,
+               const std::array<float, kPlates>& size) {
   for (std::size_t p = 0; p < kPlates; ++p) {
-    const double sigmas[6] = {noise[p].lateral_mm, noise[p].depth_mm, noise[p].lateral_mm,
-                              noise[p].tilt_rad,   noise[p].roll_rad, noise[p].tilt_rad};
+    const auto sigmas = noise[p].standard_deviations();
     for (std::size_t i = 0; i < 6; ++i) {
-      numbers[static_cast<int>(6 * p + i)] += static_cast<float>(sigmas[i] * random.normal());
+      numbers[static_cast<int>(6 * p + i)] += size[p] * static_cast<float>(sigmas[i] * random.normal());
     }
   }
+}
+
+std::array<float, kPlates> draw_noise(Random& random) {
+  constexpr double kPlateSpread = 0.3;
+  const double common = random.uniform(std::log(kLeastNoise), std::log(kMostTrainedNoise));
+  std::array<float, kPlates> size;
+  for (float& plate : size) {
+    plate = std::clamp(static_cast<float>(std::exp(common + kPlateSpread * random.normal())), kLeastNoise, kMostNoise);
+  }
+  return size;
 }
 
 std::array<bool, kPlates> draw_seen(Random& random) {

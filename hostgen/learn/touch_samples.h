@@ -13,9 +13,13 @@ namespace finsight::host {
 std::vector<TouchSample> draw_touches(const FingerSpec& spec, const StateInterpolant& states, std::size_t count,
                                       Random& random);
 
-/// Adds what the camera gets wrong. It looks along the finger's y axis: y is depth, x and z are lateral, rotations
-/// about x and z are tilt, about y roll.
-void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PlateNumbers& numbers);
+/// Adds what the camera gets wrong: `size` times the spec's noise.
+void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PlateNumbers& numbers,
+               const std::array<float, kPlates>& size = {1, 1, 1});
+
+/// How well a finger's plates are measured: from a tenth of the spec's noise (hardly any) to four times it, evenly in
+/// its logarithm, much the same for all three.
+std::array<float, kPlates> draw_noise(Random& random);
 
 /// Which plates are seen: mostly all, sometimes two, seldom one.
 std::array<bool, kPlates> draw_seen(Random& random);

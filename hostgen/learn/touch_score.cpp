@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <limits>
 
+#include "firmware/touch/features.h"
 #include "firmware/touch/touch_stage.h"
 #include "hostgen/statistics.h"
 
@@ -18,12 +19,13 @@ double radii(const TouchTrial& trial) {
   return static_cast<double>(trial.error_mm.norm()) / static_cast<double>(trial.radius_68_mm);
 }
 
-PlatePoses poses_of(const PlateNumbers& numbers, const std::array<bool, kPlates>& seen) {
+PlatePoses poses_of(const PlateNumbers& numbers, const Measuring& how) {
   PlatePoses poses;
   for (std::size_t p = 0; p < kPlates; ++p) {
     poses.plates[p] = {numbers.segment<3>(6 * static_cast<int>(p)), numbers.segment<3>(6 * static_cast<int>(p) + 3)};
   }
-  poses.seen = seen;
+  poses.seen = how.seen;
+  poses.noise.fill(how.noise);
   poses.quality = Quality::kFresh;
   return poses;
 }
@@ -32,20 +34,21 @@ PlatePoses poses_of(const PlateNumbers& numbers, const std::array<bool, kPlates>
 
 std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemState>& states,
                                    const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
-                                   const std::array<bool, kPlates>& seen, int repeats, std::uint64_t seed) {
+                                   const Measuring& how) {
   TouchModel model = trained.model.view();
   model.threshold_mm = 0;  // the trials outside of the range are asked for, too
   model.range_mm = std::numeric_limits<float>::infinity();
   TouchStage stage(model);
-  Random random(seed);
+  Random random(how.seed);
   std::vector<TouchTrial> trials;
   for (const FemState& state : states) {
-    for (int repeat = 0; repeat < repeats; ++repeat) {
+    for (int repeat = 0; repeat < how.repeats; ++repeat) {
       PlateNumbers numbers = touch_sample(state).numbers;
-      add_noise(noise, random, numbers);
-      complete_from_prior(prior, seen, numbers);
-      const Touch& touch = stage.locate(poses_of(numbers, seen));
-      const Vec3f float_point_mm = evaluate(trained, numbers, seen).head<3>();
+      add_noise(noise, random, numbers, {how.noise, how.noise, how.noise});
+      complete_from_prior(prior, how.seen, numbers);
+      const PlatePoses poses = poses_of(numbers, how);
+      const Touch& touch = stage.locate(poses);
+      const Vec3f float_point_mm = evaluate(trained, numbers, noise_of(poses)).head<3>();
       trials.push_back({state.path, state.point_mm, touch.point_mm - state.point_mm, touch.plate_motion_mm,
                         touch.radius_68_mm, state.force_n, touch.force_n - state.force_n, touch.force_sigma_n,
                         (touch.point_mm - float_point_mm).norm(), (float_point_mm - state.point_mm).norm()});

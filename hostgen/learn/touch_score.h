@@ -17,11 +17,18 @@ struct TouchTrial {
   float float_error_mm = 0;   ///< of the float network's point
 };
 
-/// Measures every state `repeats` times with `noise` and `seen` plates, and locates it with the quantised network, also
-/// below the threshold.
+/// How the states of trials are measured.
+struct Measuring {
+  float noise = 1;  ///< times the spec's; 0: none, and the network is told that there is hardly any
+  std::array<bool, kPlates> seen = {true, true, true};
+  int repeats = 1;
+  std::uint64_t seed = 0;
+};
+
+/// Measures every state and locates it with the quantised network, also below the threshold.
 std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemState>& states,
                                    const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
-                                   const std::array<bool, kPlates>& seen, int repeats, std::uint64_t seed);
+                                   const Measuring& how);
 
 /// What makes the radius hold 68 % of the errors, and twice the radius about 95 %, in every band of plate motion
 /// (error_bands) of trials of a network that is not calibrated, at or above the threshold; and the factor that makes

@@ -15,7 +15,6 @@ namespace {
 constexpr std::size_t kTouches = 30000;  // drawn between the states; each is measured anew about 25 times
 constexpr std::int32_t kFold = 5;        // one in so many points is held out
 constexpr int kNoisyRepeats = 20;
-constexpr std::array<bool, kPlates> kAllSeen = {true, true, true};
 
 struct StateSplit {
   std::vector<FemState> train, test;
@@ -68,11 +67,12 @@ struct Run {
   std::optional<TouchNetwork> trained;
 
   std::vector<TouchTrial> clean_trials(const PlatePrior& prior) {
-    return run_trials(*trained, split.test, {}, prior, kAllSeen, 1, 0);
+    return run_trials(*trained, split.test, {}, prior, {.noise = 0});
   }
   std::vector<TouchTrial> noisy_trials(const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed,
-                                       const std::array<bool, kPlates>& seen = kAllSeen) {
-    return run_trials(*trained, split.test, spec.noise, prior, seen, kNoisyRepeats, seed);
+                                       const std::array<bool, kPlates>& seen = {true, true, true}) {
+    return run_trials(*trained, split.test, spec.noise, prior,
+                      {.noise = 1, .seen = seen, .repeats = kNoisyRepeats, .seed = seed});
   }
 };
 

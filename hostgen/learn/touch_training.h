@@ -11,12 +11,13 @@ namespace finsight::host {
 
 /// Owns what a PlatePrior views.
 struct PlatePriorData {
-  std::vector<float> mean, covariance;
+  std::vector<float> mean, covariance, noise;
   PlatePrior view() const;
 };
 /// Gaussian over the measured plate numbers of all valid states and their scaled-down copies (the finger starts from
-/// rest). Positive definite. Throws std::runtime_error if no state is valid.
-PlatePriorData fit_plate_prior(const FemDataset& dataset);
+/// rest), and the spec's noise, standard deviations below 1e-6 (mm, rad) counting as that. Positive definite. Throws
+/// std::runtime_error if no state is valid.
+PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseNoise, kPlates>& noise);
 
 /// Owns what a TouchModel views.
 struct TouchModelData {

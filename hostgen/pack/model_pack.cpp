@@ -99,6 +99,7 @@ TensorFile pack_tensors(const PackViews& views) {
   add_touch(tensors, views.touch);
   tensors.add(tensor::kPriorMean, {18}, views.prior.mean);
   tensors.add(tensor::kPriorCovariance, {18, 18}, views.prior.covariance);
+  tensors.add(tensor::kPriorNoise, {18}, views.prior.noise);
   add_mount(tensors, views.mount);
   add_self_test(tensors, views.self_test, views.shape.nodes);
   return tensors;

@@ -97,7 +97,7 @@ class PackNetwork {
     for (Eigen::Index i = 0; i < inputs_.cols(); ++i) {
       PlatePoses poses = rows.poses[static_cast<std::size_t>(i)];
       complete_from_prior(pack.prior, poses);
-      touch_features(model_, plate_numbers(poses), poses.seen,
+      touch_features(model_, plate_numbers(poses), noise_of(poses),
                      std::span<float, TouchModel::kInputs>(inputs_.col(i).data(), TouchModel::kInputs));
     }
   }

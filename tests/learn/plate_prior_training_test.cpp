@@ -20,7 +20,7 @@ Eigen::MatrixXd covariance_of(const PlatePriorData& prior) {
 
 TEST_CASE("plate prior: mean and covariance of all states and their fractions, by brute force") {
   const FemDataset dataset = test::synthetic_dataset();
-  const PlatePriorData prior = fit_plate_prior(dataset);
+  const PlatePriorData prior = fit_plate_prior(dataset, test::synthetic_spec().noise);
   std::vector<Eigen::VectorXd> samples;
   for (const FemState& state : dataset.states) {
     for (const double fraction : {0.0, 0.25, 0.5, 0.75, 1.0}) {
@@ -30,7 +30,8 @@ TEST_CASE("plate prior: mean and covariance of all states and their fractions, b
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(18);
   for (const auto& sample : samples) mean += sample / double(samples.size());
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(18, 18);
-  for (const auto& sample : samples) covariance += (sample - mean) * (sample - mean).transpose() / double(samples.size());
+  for (const auto& sample : samples)
+    covariance += (sample - mean) * (sample - mean).transpose() / double(samples.size());
   for (int i = 0; i < 18; ++i) covariance(i, i) += i % 6 < 3 ? 0.01 : 2.5e-5;
   CHECK((Eigen::Map<const PlateNumbers>(prior.mean.data()).cast<double>() - mean).norm() < 1e-5);
   CHECK((covariance_of(prior) - covariance).norm() < 1e-5 * covariance.norm());
@@ -40,7 +41,7 @@ TEST_CASE("plate prior: the covariance is symmetric and positive definite, even 
   FemDataset dataset = test::synthetic_dataset();
   for (const std::size_t count : {dataset.states.size(), std::size_t{1}}) {
     dataset.states.resize(count);
-    const Eigen::MatrixXd covariance = covariance_of(fit_plate_prior(dataset));
+    const Eigen::MatrixXd covariance = covariance_of(fit_plate_prior(dataset, test::synthetic_spec().noise));
     CHECK((covariance - covariance.transpose()).norm() == 0);
     CHECK(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(covariance).eigenvalues().minCoeff() > 1e-5);
   }
@@ -48,7 +49,7 @@ TEST_CASE("plate prior: the covariance is symmetric and positive definite, even 
 
 TEST_CASE("plate prior: a missing plate of a touched finger is completed far better than by the mean") {
   const FemDataset dataset = test::synthetic_dataset();
-  const PlatePriorData prior = fit_plate_prior(dataset);
+  const PlatePriorData prior = fit_plate_prior(dataset, test::synthetic_spec().noise);
   double completed_sq = 0, mean_sq = 0;
   for (const FemState& state : dataset.states) {
     const PlateNumbers truth = touch_sample(state).numbers;
@@ -63,12 +64,12 @@ TEST_CASE("plate prior: a missing plate of a touched finger is completed far bet
 
 TEST_CASE("plate prior: invalid states are ignored, and none at all is refused") {
   FemDataset dataset = test::synthetic_dataset();
-  const PlatePriorData expected = fit_plate_prior(dataset);
+  const PlatePriorData expected = fit_plate_prior(dataset, test::synthetic_spec().noise);
   FemState broken = dataset.states[0];
   broken.valid = false;
   broken.plates[1].rotation_rad.setConstant(1e9f);
   dataset.states.push_back(broken);
-  CHECK(fit_plate_prior(dataset).covariance == expected.covariance);
+  CHECK(fit_plate_prior(dataset, test::synthetic_spec().noise).covariance == expected.covariance);
   dataset.states = {broken};
-  CHECK_THROWS_AS(fit_plate_prior(dataset), std::runtime_error);
+  CHECK_THROWS_AS(fit_plate_prior(dataset, test::synthetic_spec().noise), std::runtime_error);
 }

@@ -33,7 +33,7 @@ std::vector<TouchSample> some_touches(std::size_t count) {
 
 TouchNetwork short_training(std::uint64_t seed) {
   static const std::vector<TouchSample> touches = some_touches(1000);
-  static const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset());
+  static const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset(), test::synthetic_spec().noise);
   TouchTrainingPlan plan;
   plan.steps = 30;
   plan.batch = 32;

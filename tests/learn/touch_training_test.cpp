@@ -15,7 +15,7 @@ using namespace finsight::host;
 namespace {
 
 const PlatePriorData& prior() {
-  static const PlatePriorData fitted = fit_plate_prior(test::synthetic_dataset());
+  static const PlatePriorData fitted = fit_plate_prior(test::synthetic_dataset(), test::synthetic_spec().noise);
   return fitted;
 }
 

@@ -81,6 +81,7 @@ TEST_CASE("values: refuses a prior that is not a Gaussian") {
        "found a matrix that is not positive definite"},
       {"all zero", [](TinyModel& t) { t.prior_covariance.assign(324, 0); },
        "found a matrix that is not positive definite"},
+      {"no noise", [](TinyModel& t) { t.prior_noise[7] = 0; }, "'prior.noise': found 0.000000 at element 7"},
   };
   check_refused(all);
 }

@@ -87,6 +87,7 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(model.touch.range_mm == 40);
   CHECK(same(model.prior.mean, tiny.prior_mean));
   CHECK(same(model.prior.covariance, tiny.prior_covariance));
+  CHECK(same(model.prior.noise, tiny.prior_noise));
   CHECK(model.mount.marker_id == std::array{3, 1, 4});
   CHECK(model.mount.marker_size_mm == 8);
   CHECK(model.mount.T_finger_camera.matrix() == tiny.parts.mount.T_finger_camera.matrix());

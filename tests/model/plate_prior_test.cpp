@@ -24,7 +24,7 @@ struct TestPrior {
     for (const double value : dense.reshaped()) covariance.push_back(float(value));
     for (int i = 0; i < 18; ++i) mean.push_back(float(std::cos(i)));
   }
-  PlatePrior view() const { return {mean, covariance}; }
+  PlatePrior view() const { return {mean, covariance, {}}; }
 };
 
 // The textbook formula, with a dense factorisation.

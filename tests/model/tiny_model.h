@@ -28,7 +28,7 @@ struct TinyModel {
       radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1};
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
-  std::vector<float> prior_mean, prior_covariance;
+  std::vector<float> prior_mean, prior_covariance, prior_noise;
   std::vector<float> test_poses, test_shape_mm, test_touch;
   std::vector<std::uint16_t> test_registers;
   host::PackViews parts;  ///< the numbers and texts; views() adds the arrays
@@ -67,7 +67,7 @@ struct TinyModel {
     for (std::size_t i = 0; i < 3; ++i) {
       all.touch.layers[i] = {layer_width(i), layer_width(i + 1), weights[i], weight_scale[i], bias[i]};
     }
-    all.prior = {prior_mean, prior_covariance};
+    all.prior = {prior_mean, prior_covariance, prior_noise};
     all.self_test = {kCases, test_poses, test_shape_mm, test_touch, test_registers};
     return all;
   }
@@ -187,6 +187,7 @@ struct TinyModel {
   /// Plates that move together towards the back, with a little motion of their own.
   void make_prior(Random& random) {
     prior_mean = numbers(random, 18, 0.01f);
+    prior_noise.assign(18, 0.01f);
     Eigen::Matrix<float, 18, 1> common = Eigen::Matrix<float, 18, 1>::Zero();
     for (int p = 0; p < kPlates; ++p) common.segment<6>(6 * p) << 0, -0.5f, 3, 0.05f, 0, 0;
     Eigen::Matrix<float, 18, 18> covariance = common * common.transpose();

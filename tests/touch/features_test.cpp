@@ -11,7 +11,8 @@ namespace {
 
 // Scale 1, no normalisation.
 struct PlainModel {
-  std::vector<float> ones = std::vector<float>(TouchModel::kInputs, 1), zeros = std::vector<float>(TouchModel::kInputs, 0);
+  std::vector<float> ones = std::vector<float>(TouchModel::kInputs, 1),
+                     zeros = std::vector<float>(TouchModel::kInputs, 0);
   TouchModel model;
   PlainModel() {
     model.scale = std::span(ones).first(18);
@@ -28,11 +29,11 @@ PlateNumbers some_numbers() {
 
 }  // namespace
 
-TEST_CASE("features: the direction has length one, the size is logarithmic, the flags are 1 and 0") {
+TEST_CASE("features: the direction has length one, the size and the noise are logarithmic") {
   const PlainModel plain;
   std::array<float, TouchModel::kInputs> inputs, twice;
-  touch_features(plain.model, some_numbers(), {true, false, true}, inputs);
-  touch_features(plain.model, 2 * some_numbers(), {true, true, true}, twice);
+  touch_features(plain.model, some_numbers(), {1, 100, 0.1f}, inputs);
+  touch_features(plain.model, 2 * some_numbers(), {1, 1, 1}, twice);
   float length_sq = 0;
   for (std::size_t i = 0; i < 18; ++i) {
     length_sq += inputs[i] * inputs[i];
@@ -41,15 +42,15 @@ TEST_CASE("features: the direction has length one, the size is logarithmic, the 
   CHECK(length_sq == doctest::Approx(1).epsilon(1e-3));
   CHECK(double(inputs[18]) == doctest::Approx(std::log(double(some_numbers().norm()) + 1e-3)));
   CHECK(double(twice[18] - inputs[18]) == doctest::Approx(std::log(2)).epsilon(1e-3));
-  CHECK(inputs[19] == 1);
-  CHECK(inputs[20] == 0);
-  CHECK(inputs[21] == 1);
+  CHECK(inputs[19] == 0);
+  CHECK(double(inputs[20]) == doctest::Approx(std::log(100)));
+  CHECK(double(inputs[21]) == doctest::Approx(std::log(0.1)));
 }
 
 TEST_CASE("features: at rest they are finite") {
   const PlainModel plain;
   std::array<float, TouchModel::kInputs> inputs;
-  touch_features(plain.model, PlateNumbers::Zero(), {true, true, true}, inputs);
+  touch_features(plain.model, PlateNumbers::Zero(), {1, 1, 1}, inputs);
   for (std::size_t i = 0; i < 18; ++i) CHECK(inputs[i] == 0);
   CHECK(double(inputs[18]) == doctest::Approx(std::log(1e-3)));
 }
@@ -65,8 +66,15 @@ TEST_CASE("features: scale acts before the direction, mean and input scale after
   numbers[0] = 3;
   numbers[3] = 0.2f;  // scaled 4: the direction is 0.6, 0.8
   std::array<float, TouchModel::kInputs> inputs;
-  touch_features(plain.model, numbers, {true, true, true}, inputs);
+  touch_features(plain.model, numbers, {1, 1, 1}, inputs);
   CHECK(double(inputs[0]) == doctest::Approx(3 * (0.6 - 0.5)).epsilon(2e-3));
   CHECK(double(inputs[3]) == doctest::Approx(3 * (0.8 - 0.5)).epsilon(2e-3));
-  CHECK(double(inputs[19]) == doctest::Approx(1.5));
+  CHECK(double(inputs[19]) == doctest::Approx(-1.5));
+}
+
+TEST_CASE("features: unseen plates have their own noise, others stay within what was trained") {
+  PlatePoses poses;
+  poses.seen = {true, false, true};
+  poses.noise = {1e-6f, 1, 1e6f};
+  CHECK(noise_of(poses) == std::array{kLeastNoise, kUnseenNoise, kMostNoise});
 }

@@ -21,7 +21,7 @@ TouchNetwork& trained() {
     const StateInterpolant states(test::synthetic_dataset().states);
     Random random(1);
     const std::vector<TouchSample> touches = draw_touches(test::synthetic_spec(), states, 2000, random);
-    static const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset());
+    static const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset(), test::synthetic_spec().noise);
     TouchTrainingPlan plan;
     plan.steps = 150;
     plan.batch = 64;
@@ -64,7 +64,7 @@ TEST_CASE("touch stage: answers the float network's numbers within the loss of q
       const FemState state = test::synthetic_state(x, y, 5);
       const Touch& touch = stage.locate(poses_of(state));
       REQUIRE(touch.quality == Quality::kFresh);
-      const auto expected = evaluate(trained(), touch_sample(state).numbers, {true, true, true});
+      const auto expected = evaluate(trained(), touch_sample(state).numbers, {1, 1, 1});
       worst_mm = std::max(worst_mm, double((touch.point_mm - expected.head<3>()).norm()));
       worst_n = std::max(worst_n, std::abs(double(touch.force_n - std::max(expected[6], 0.0f))));
       CHECK((touch.contact_mm - expected.head<3>() - expected.segment<3>(3)).norm() < 0.5f);
@@ -167,7 +167,7 @@ TEST_CASE("touch stage: the force is never negative") {
 }
 
 TEST_CASE("touch stage: locating allocates nothing") {
-  const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset());
+  const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset(), test::synthetic_spec().noise);
   TouchStage stage(trained().model.view());
   PlatePoses poses = poses_of(kPushed), unseen = poses, nothing;
   unseen.seen = {true, false, false};

@@ -46,14 +46,15 @@ TEST_CASE("plates: the motion of a marker's pose is the one that moved it there"
   }
 }
 
-TEST_CASE("plates: five steps from afar reach the point where the cost's finite differences vanish") {
+TEST_CASE("plates: ten steps from afar reach the point where the cost's finite differences vanish") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(2);
   for (int i = 0; i < 20; ++i) {
-    const PlateSight sight = sight_of(prior.draw(random), {true, true, true}, 0.1, random);
+    PlateSight sight = sight_of(prior.draw(random), {true, true, true}, 0.1, random);
+    sight.corner_sigma_px = 0.1;
     Numbers numbers = estimator.prior_mean();
-    for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
+    for (int step = 0; step < 10; ++step) estimator.improve(sight, numbers);
     const double least = estimator.cost(sight, numbers);
     for (int n = 0; n < 18; ++n) {
       const double h = n % 6 < 3 ? 1e-4 : 1e-5;
@@ -80,6 +81,77 @@ TEST_CASE("plates: corners without noise are met, wherever the fingers of the pr
     for (std::size_t p = 0; p < kPlates; ++p) CHECK(estimator.reprojection_px(sight, p, numbers) < 0.05);
     CHECK(estimator.cost(sight, numbers) <= estimator.cost(sight, truth) + 1e-9);
   }
+}
+
+namespace {
+
+Numbers estimate(const PlateEstimator& estimator, PlateSight& sight, Numbers numbers) {
+  for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
+  sight.corner_sigma_px = estimator.corner_sigma_px(sight, numbers);
+  for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
+  return numbers;
+}
+
+}  // namespace
+
+TEST_CASE("plates: the corners' scatter is told from what is left of it") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(6);
+  for (const double noise_px : {0.02, 0.05, 0.1, 0.3}) {
+    double sum_sq = 0;
+    for (int i = 0; i < 200; ++i) {
+      const Numbers truth = prior.draw(random);
+      PlateSight sight = sight_of(truth, {true, true, true}, noise_px, random);
+      estimate(estimator, sight, truth);
+      sum_sq += sight.corner_sigma_px * sight.corner_sigma_px / 200;
+    }
+    // A guess of weight 4 beside about 10 numbers that are left over; a Cauchy weight takes some of the tails.
+    const double expected_px = std::sqrt((4 * 0.05 * 0.05 + 10 * noise_px * noise_px) / 14);
+    CHECK(std::sqrt(sum_sq) == doctest::Approx(expected_px).epsilon(0.2));
+  }
+}
+
+TEST_CASE("plates: the published noise is the error that is made, also of fewer plates and worse corners") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  const auto sigma = prior.view().noise;
+  Random random(7);
+  for (const double noise_px : {0.05, 0.2}) {
+    for (const std::array<bool, kPlates>& seen : {std::array{true, true, true}, std::array{true, false, true}}) {
+      std::array<double, kPlates> error_sq{}, noise_sq{};
+      for (int i = 0; i < 300; ++i) {
+        const Numbers truth = prior.draw(random);
+        PlateSight sight = sight_of(truth, seen, noise_px, random);
+        const Numbers found = estimate(estimator, sight, truth);
+        const std::array<float, kPlates> noise = estimator.noise(sight, found);
+        for (int n = 0; n < 18; ++n) {
+          const auto k = static_cast<std::size_t>(n);
+          error_sq[k / 6] += std::pow((found[n] - truth[n]) / static_cast<double>(sigma[k]), 2) / 6;
+        }
+        for (std::size_t p = 0; p < kPlates; ++p) noise_sq[p] += std::pow(static_cast<double>(noise[p]), 2);
+      }
+      for (std::size_t p = 0; p < kPlates; ++p) {
+        INFO(noise_px, " px, plate ", p, " seen ", seen[p]);
+        CHECK(std::sqrt(noise_sq[p] / error_sq[p]) == doctest::Approx(1).epsilon(0.25));
+      }
+    }
+  }
+}
+
+TEST_CASE("plates: one corner that is far off moves its plate little") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(8);
+  double worst_mm = 0;
+  for (int i = 0; i < 50; ++i) {
+    const Numbers truth = prior.draw(random);
+    PlateSight sight = sight_of(truth, {true, true, true}, 0.02, random);
+    sight.rays[1][2] += Eigen::Vector2d(2, -1) / kFocalPx;
+    const Numbers found = estimate(estimator, sight, truth);
+    worst_mm = std::max(worst_mm, (found - truth).segment<3>(6).norm());
+  }
+  CHECK(worst_mm < 0.3);  // least squares: 1.0 mm
 }
 
 TEST_CASE("plates: those not seen come out at their conditional mean given the seen ones") {
@@ -116,8 +188,8 @@ TEST_CASE("plates: a prior that is no Gaussian is refused") {
   const TestPrior good;
   const std::vector<float> mean(good.view().mean.begin(), good.view().mean.end());
   const std::vector<float> covariance(good.view().covariance.begin(), good.view().covariance.end());
-  const auto refused = [](const std::vector<float>& m, const std::vector<float>& c) {
-    CHECK_THROWS_AS(PlateEstimator(test_mount(), PlatePrior{m, c}, kFocalPx), InputError);
+  const auto refused = [&good](const std::vector<float>& m, const std::vector<float>& c) {
+    CHECK_THROWS_AS(PlateEstimator(test_mount(), PlatePrior{m, c, good.view().noise}, kFocalPx), InputError);
   };
   refused({}, {});
   refused(mean, std::vector<float>(18, 1));

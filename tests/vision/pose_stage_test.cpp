@@ -157,10 +157,11 @@ TEST_CASE("poses: of all mirror poses the most probable is taken: none is better
         sight.rays[p][k] = ray_from_pixel(camera, corners.corners_px[p][k].cast<double>());
       }
     }
+    const Numbers found = plate_numbers(stage.estimate(corners)).cast<double>();
+    sight.corner_sigma_px = estimator.corner_sigma_px(sight, found);
     Numbers from_truth = truth;
     for (int step = 0; step < 8; ++step) estimator.improve(sight, from_truth);
-    const Numbers found = plate_numbers(stage.estimate(corners)).cast<double>();
-    CHECK(estimator.cost(sight, found) < estimator.cost(sight, from_truth) + 0.1);
+    CHECK(estimator.cost(sight, found) < estimator.cost(sight, from_truth) + 0.5);  // what further steps would still gain
   }
 }
 

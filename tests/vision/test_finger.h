@@ -55,7 +55,7 @@ struct TestPrior {
     covariance.diagonal() += scatter.cwiseAbs2();
     covariance_ = covariance.cast<float>();
   }
-  PlatePrior view() const { return {{mean_.data(), 18}, {covariance_.data(), 18 * 18}}; }
+  PlatePrior view() const { return {{mean_.data(), 18}, {covariance_.data(), 18 * 18}, noise_}; }
 
   /// A motion drawn from the prior. The scatter is left out on request: then `size` 0 is the mean.
   Numbers draw(Random& random, double size = 1) const {
@@ -69,6 +69,7 @@ struct TestPrior {
   Numbers scatter;
 
  private:
+  const std::vector<float> noise_ = std::vector<float>(18, 0.01f);
   Eigen::Matrix<float, 18, 1> mean_;
   Eigen::Matrix<float, 18, 18> covariance_;
 };
