@@ -7,7 +7,7 @@
 namespace finsight {
 
 FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings)
-    : model_(model), shape_(model, settings.shape), touch_(model) {
+    : model_(model), shape_(model, settings.shape), touch_(model), mount_check_(model.mount) {
   if (camera) vision_.emplace(model, *camera);
   state_.model_checksum = model.checksum;
   state_.rated_deformation_mm = model.rated_deformation_mm;
@@ -19,6 +19,7 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
   count_frame(frame);
   measured_ = measure_poses(frame);
   zeroing_.process(measured_);
+  camera_moved_ = mount_check_.look(measured_);
   const PlatePoses& poses = hold_poses(measured_, frame.exposure_ns);
   const std::int64_t poses_ns = steady_now_ns();
   const FingerShape& shape = shape_.solve(poses);
@@ -90,7 +91,9 @@ FaultCode FrameLoop::fault(const FingerShape& shape) const {
   if (state_.camera_fault) return FaultCode::kCameraLost;
   if (hold_is_over_ && picture_fault_ == PictureFault::kDark) return FaultCode::kTooDark;
   if (hold_is_over_ && picture_fault_ == PictureFault::kBright) return FaultCode::kTooBright;
+  if (picture_fault_ == PictureFault::kBlurred) return FaultCode::kBlurred;
   if (hold_is_over_) return FaultCode::kMarkersLost;
+  if (camera_moved_) return FaultCode::kCameraMoved;
   return shape.fallback ? FaultCode::kSolverFailed : lasting_fault_;
 }
 

@@ -62,11 +62,13 @@ class FrameLoop {
   ShapeStage shape_;
   TouchStage touch_;
   Zeroing zeroing_;
+  MountCheck mount_check_;
   PlatePoses measured_;  ///< of this frame, completed and zeroed
   PlatePoses held_;      ///< the last ones that were fresh
   std::int64_t held_since_ns_ = 0;
   bool hold_is_over_ = true;
   PictureFault picture_fault_ = PictureFault::kNone;
+  bool camera_moved_ = false;
   FaultCode lasting_fault_ = FaultCode::kNone;
   std::uint32_t last_sequence_ = 0;
   LoopState state_;

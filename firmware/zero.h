@@ -14,8 +14,8 @@ using ZeroPose = std::array<PlateMotion, kPlates>;
 /// Measures a zero as the mean of some frames, and takes it off every measurement.
 class Zeroing {
  public:
-  static constexpr int kFrames = 16;                 ///< of the mean: noise falls to a quarter
-  static constexpr int kLongest = 120;               ///< frames, after which a finger that is never seen is given up
+  static constexpr int kFrames = 60;                 ///< of the mean: noise falls to an eighth
+  static constexpr int kLongest = 240;               ///< frames, after which a finger that is never seen is given up
   static constexpr float kFurthest_mm = 3;           ///< more is a touch or a wrong finger, no way of sitting
   static constexpr float kLargest_rotation = 0.15F;  ///< radians; the same
   static constexpr float kStill_mm = 0.3F;           ///< what a plate may move meanwhile: five times the noise

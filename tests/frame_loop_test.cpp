@@ -199,6 +199,17 @@ TEST_CASE("loop: a camera that never delivers gives invalid values and no age") 
   }
 }
 
+TEST_CASE("loop: plates that stand displaced as one body mean a camera that was knocked, until the next zero") {
+  Feeder feeder;
+  PlatePoses poses = touched();
+  for (PlateMotion& plate : poses.plates) plate = {Vec3f(1.2F, 0, 0), Vec3f::Zero()};
+  for (int frame = 1; frame < MountCheck::kFrames; ++frame) REQUIRE(feeder.step(poses).words[1] == 0);
+  CHECK(feeder.step(poses).words[1] == static_cast<int>(FaultCode::kCameraMoved));
+  feeder.loop.zeroing().begin();
+  for (int frame = 0; frame < Zeroing::kFrames + MountCheck::kFrames; ++frame) feeder.step(poses);
+  CHECK(feeder.step(poses).words[1] == 0);
+}
+
 TEST_CASE("loop: poses that no finger can have keep the last shape, with the solver's fault") {
   Feeder feeder;
   const RegisterImage seen = feeder.step(touched());

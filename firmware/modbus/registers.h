@@ -39,7 +39,9 @@ enum class FaultCode : std::uint16_t {
   kStalled = 8,
   kCameraFrozen = 9,
   kTooDark = 10,
-  kTooBright = 11
+  kTooBright = 11,
+  kBlurred = 12,
+  kCameraMoved = 13
 };
 
 /// What clients can change while the device works: the settings as their registers hold them.

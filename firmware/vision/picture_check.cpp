@@ -1,5 +1,7 @@
 #include "firmware/vision/picture_check.h"
 
+#include <algorithm>
+#include <cstdlib>
 #include <cstring>
 
 namespace finsight {
@@ -9,6 +11,10 @@ namespace {
 constexpr int kRowStep = 8;
 constexpr int kMostRepeats = 5;
 constexpr double kDarkest = 6, kBrightest = 249;
+constexpr int kBlocksPerRow = 320;   // blocks of pixels that are averaged against noise
+constexpr int kLeastContrast = 50;   // grey levels between blocks; with less there is nothing to be sharp
+constexpr double kSharpShare = 0.6;  // of the contrast, between a block and the next but one
+constexpr int kMostBlurred = 30;
 
 }  // namespace
 
@@ -35,7 +41,30 @@ PictureFault PictureCheck::look(const GreyView& picture) {
   const double mean = static_cast<double>(sum) / static_cast<double>(pixels);
   if (mean < kDarkest) return PictureFault::kDark;
   if (mean > kBrightest) return PictureFault::kBright;
-  return repeats_ >= kMostRepeats ? PictureFault::kFrozen : PictureFault::kNone;
+  if (repeats_ >= kMostRepeats) return PictureFault::kFrozen;
+  blurred_ = is_blurred(picture) ? std::min(blurred_ + 1, kMostBlurred) : 0;
+  return blurred_ >= kMostBlurred ? PictureFault::kBlurred : PictureFault::kNone;
+}
+
+// Across a sharp edge the grey level goes all the way from one block to the next but one; a blur spreads it over more.
+bool PictureCheck::is_blurred(const GreyView& picture) const {
+  const int width = std::max(1, picture.width_px / kBlocksPerRow);
+  int darkest = 255 * width, brightest = 0, steepest = 0;
+  for (int y = 0; y < picture.height_px; y += kRowStep) {
+    const std::uint8_t* row = picture.at(0, y);
+    int before = 0, last = 0;
+    for (int k = 0; (k + 1) * width <= picture.width_px; ++k) {
+      int sum = 0;
+      for (int x = k * width; x < (k + 1) * width; ++x) sum += row[x];
+      darkest = std::min(darkest, sum);
+      brightest = std::max(brightest, sum);
+      if (k >= 2) steepest = std::max(steepest, std::abs(sum - before));
+      before = last;
+      last = sum;
+    }
+  }
+  const int contrast = brightest - darkest;
+  return contrast > kLeastContrast * width && steepest < kSharpShare * contrast;
 }
 
 }  // namespace finsight

@@ -3,5 +3,6 @@
 #pragma once
 
 #include "firmware/vision/marker_stage.h"
+#include "firmware/vision/mount_check.h"
 #include "firmware/vision/picture_check.h"
 #include "firmware/vision/pose_stage.h"

@@ -59,4 +59,9 @@ std::optional<Vector2d> Lens::ray(const Vector2d& pixel) const {
   return ray;
 }
 
+CameraModel camera_model(const CameraIntrinsics& c) {
+  const auto f = [](double value) { return static_cast<float>(value); };
+  return {c.width_px, c.height_px, f(c.fx), f(c.fy), f(c.cx), f(c.cy), f(c.k1), f(c.k2), f(c.p1), f(c.p2), f(c.k3)};
+}
+
 }  // namespace finsight::host

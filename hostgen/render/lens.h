@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "firmware/vision/camera_model.h"
 #include "hostgen/finger/spec.h"
 
 namespace finsight::host {
@@ -21,5 +22,8 @@ class Lens {
   CameraIntrinsics camera_;
   double max_radius_sq_;  // of rays, where the polynomial turns back
 };
+
+/// The same camera for the firmware's stages.
+CameraModel camera_model(const CameraIntrinsics& camera);
 
 }  // namespace finsight::host

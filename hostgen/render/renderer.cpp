@@ -6,6 +6,7 @@
 
 #include "firmware/vision/vision_stages.h"
 #include "hostgen/finger/plate_geometry.h"
+#include "hostgen/finger/plate_motion.h"
 
 namespace finsight::host {
 
@@ -33,14 +34,6 @@ struct PixelSamples {
     }
   }
 };
-
-Eigen::Isometry3d moved(const Eigen::Isometry3d& rest, const PlateMotion& motion) {
-  const Eigen::Vector3d rotation = motion.rotation_rad.cast<double>();
-  Eigen::Isometry3d now = rest;
-  now.translation() += motion.displacement_mm.cast<double>();
-  if (rotation.norm() > 0) now.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()) * rest.linear();
-  return now;
-}
 
 /// One half and the middle of a Gaussian of weights with sum 1.
 std::vector<float> blur_weights(double sigma_px) {

@@ -31,6 +31,10 @@ nlohmann::json measure_modbus(bool quick);
 /// `quick`: 4 seconds of the larger pictures instead of 24 of both.
 nlohmann::json measure_vision(const Model& model, const FingerSpec& spec, bool quick);
 
+/// Bias (away from the marker's centre) and RMS error (per coordinate) of the corners in rendered pictures, one row per
+/// condition: distance, tilt, blur, noise, light, preset; the firmware's edges beside OpenCV's cornerSubPix.
+nlohmann::json measure_corners(const FingerSpec& spec, bool quick);
+
 /// `built`: the figures of the build. With the finger's spec and states also the paper's table 2, and how well the shape is
 /// known at the touched point; null without. Plots touch_error.svg and touch_calibration.svg into `folder`.
 nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, const FingerSpec* spec,

@@ -146,6 +146,12 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
             out);
   out << "<img src=\"contact_forces.svg\" alt=\"objective against time, Gauss-Newton and L-BFGS\">\n";
   add_section(all, "vision", "Pixels to registers", out);
+  out << "<p>Corners in rendered 1280x720 pictures, pixels: bias away from the marker's centre, RMS per coordinate. edges: "
+         "what the firmware does; sub_pix: OpenCV's cornerSubPix. All but the named number as in preset lab.</p>\n";
+  add_table(all["vision"].value("corners", json()),
+            {"varied", "value", "corners", "markers_lost", "edges_bias_px", "edges_rms_px", "sub_pix_bias_px",
+             "sub_pix_rms_px"},
+            out);
   add_section(all, "modbus", "Modbus", out);
   add_section(all, "appliance", "Appliance", out);
   out << "</body></html>\n";

@@ -75,16 +75,11 @@ class Score {
   double force_sq_ = 0;
 };
 
-CameraModel lens_of(const CameraIntrinsics& c) {
-  const auto f = [](double value) { return static_cast<float>(value); };
-  return {c.width_px, c.height_px, f(c.fx), f(c.fy), f(c.cx), f(c.cy), f(c.k1), f(c.k2), f(c.p1), f(c.p2), f(c.k3)};
-}
-
 /// One preset at one picture size. The loop gives the times, the stages beside it what registers do not hold.
 json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsics& camera, const std::string& preset,
                 const std::vector<FemState>& states, Progress& progress) {
   const PictureQuality quality = picture_preset(preset);
-  const CameraModel lens = lens_of(camera);
+  const CameraModel lens = camera_model(camera);
   Renderer renderer(spec, camera, quality, kSeed);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
   FrameLoop loop(model, lens, LoopSettings{});
@@ -144,6 +139,7 @@ json measure_vision(const Model& model, const FingerSpec& spec, bool quick) {
   }
   for (const char* key : {"frame_ms_p50", "frame_ms_p99", "poses_ms_p50"}) vision[key] = vision["lab"][key];
   vision["picture"] = std::to_string(spec.cameras[0].width_px) + "x" + std::to_string(spec.cameras[0].height_px);
+  vision["corners"] = measure_corners(spec, quick);
   return {{"vision", vision}};
 }
 

@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "tests/random.h"
@@ -60,4 +61,50 @@ TEST_CASE("picture check: no picture is no fault of the picture's") {
   CHECK(PictureCheck().look({}) == PictureFault::kNone);
   CHECK(PictureCheck().look({nullptr, 10, 10, 10}) == PictureFault::kNone);
   CHECK(PictureCheck().look({Picture(0).grey.data(), kWidth, kHeight, kWidth / 2}) == PictureFault::kNone);
+}
+
+namespace {
+
+/// Dark bars on light ground, blurred and noisy; every call another noise.
+std::vector<std::uint8_t> bars(int width, int height, double blur_px, double contrast, test::Random& random) {
+  const double period_px = width / 16.0;
+  std::vector<std::uint8_t> grey;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const double bar = std::round(x / period_px) * period_px - x;  // distance from the nearest bar's middle
+      const auto edge = [&](double at) { return 0.5 * std::erfc(at / (std::sqrt(2.0) * blur_px)); };
+      const double ink = edge(std::abs(bar) - period_px / 4);
+      grey.push_back(static_cast<std::uint8_t>(100 + contrast * (0.5 - ink) + 3 * random.normal()));
+    }
+  }
+  return grey;
+}
+
+PictureFault after(PictureCheck& check, int pictures, int width, double blur_px, double contrast,
+                   test::Random& random) {
+  PictureFault fault = PictureFault::kNone;
+  for (int n = 0; n < pictures; ++n) {
+    const auto grey = bars(width, 40, blur_px, contrast, random);
+    fault = check.look({grey.data(), width, 40, width});
+  }
+  return fault;
+}
+
+}  // namespace
+
+TEST_CASE("picture check: out of focus for half a second is a fault, at either picture size") {
+  test::Random random(3);
+  for (const auto& [width, sharp_px, blurred_px] : {std::tuple{1280, 1.5, 7.0}, {640, 1.0, 3.5}}) {
+    PictureCheck check;
+    CHECK(after(check, 40, width, sharp_px, 150, random) == PictureFault::kNone);
+    CHECK(after(check, 29, width, blurred_px, 150, random) == PictureFault::kNone);
+    CHECK(after(check, 1, width, blurred_px, 150, random) == PictureFault::kBlurred);
+    CHECK(after(check, 1, width, sharp_px, 150, random) == PictureFault::kNone);
+  }
+}
+
+TEST_CASE("picture check: where there is nothing to see, nothing is out of focus") {
+  test::Random random(4);
+  PictureCheck check;
+  CHECK(after(check, 40, 640, 5, 30, random) == PictureFault::kNone);
 }

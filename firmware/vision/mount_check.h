@@ -1,0 +1,30 @@
+// Whether the camera still sits where it did: all plates seem to move like one rigid body, which no touch can do.
+#pragma once
+
+#include "firmware/model/model.h"
+#include "firmware/types.h"
+
+namespace finsight {
+
+class MountCheck {
+ public:
+  static constexpr int kFrames = 300;       ///< of standing still before anything is said: 5 s at 60 frames/s
+  static constexpr float kStill_mm = 0.5F;  ///< further from the mean, and it begins anew
+  static constexpr double kKnocked_mm = 2;  ///< length of the 18 numbers (mm, and 28.65 mm per rad): 1 mm per plate
+  /// What a rigid motion leaves of that length. Of all finite-element states of the default finger none is below 0.107.
+  static constexpr double kLargestRest = 0.07;
+
+  explicit MountCheck(const MountModel& mount);
+
+  /// With every frame's zeroed poses. True while the finger stands still and its plates are displaced as one body: the
+  /// camera or the finger in its holder was knocked. Needs all three plates. Never allocates.
+  bool look(const PlatePoses& poses);
+
+ private:
+  Eigen::Matrix<double, 18, 18> bent_;  ///< takes the rigid motion out of the scaled numbers
+  Eigen::Matrix<double, 18, 1> mean_;
+  int frames_ = 0;
+  bool knocked_ = false;
+};
+
+}  // namespace finsight
