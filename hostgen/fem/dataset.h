@@ -25,6 +25,7 @@ struct FemState {
   Vec3f point_mm = Vec3f::Zero();    ///< touched point at rest
   Vec3f contact_mm = Vec3f::Zero();  ///< and where it is now
   std::array<PlateMotion, kPlates> plates;
+  float front_rms_mm = 0;      ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
   bool valid = true;           ///< an equilibrium within the limit
   Outcome outcome = Outcome::kEquilibrium;  ///< why not; higher forces of the path are not tried and carry it too
 };

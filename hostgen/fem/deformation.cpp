@@ -8,12 +8,8 @@
 namespace finsight::host {
 
 double front_rms_mm(const FemDataset& dataset, std::size_t state, std::span<const std::int32_t> front_nodes) {
-  double sum = 0;
-  for (const std::int32_t node : front_nodes) {
-    const float* u = &dataset.node_displacement_mm[3 * (dataset.mesh_nodes * state + static_cast<std::size_t>(node))];
-    for (int d = 0; d < 3; ++d) sum += static_cast<double>(u[d]) * static_cast<double>(u[d]);
-  }
-  return std::sqrt(sum / std::max(1.0, static_cast<double>(front_nodes.size())));
+  const std::size_t numbers = 3 * dataset.mesh_nodes;
+  return front_rms_mm(std::span(dataset.node_displacement_mm).subspan(numbers * state, numbers), front_nodes);
 }
 
 DeformationRise measure_deformation_rise(const FemDataset& dataset, std::span<const std::int32_t> front_nodes) {

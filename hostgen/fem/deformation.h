@@ -1,6 +1,8 @@
 // How much the touched face is deformed, and whether more force deforms it more.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -9,7 +11,17 @@
 
 namespace finsight::host {
 
-/// RMS displacement of the front face's nodes in one state, in mm: the deformation.
+/// RMS displacement of the front face's nodes, in mm: the deformation. `displacement_mm`: [3 * nodes].
+template <class Scalar>
+double front_rms_mm(std::span<const Scalar> displacement_mm, std::span<const std::int32_t> front_nodes) {
+  double sum = 0;
+  for (const std::int32_t node : front_nodes) {
+    const Scalar* u = &displacement_mm[3 * static_cast<std::size_t>(node)];
+    for (int d = 0; d < 3; ++d) sum += static_cast<double>(u[d]) * static_cast<double>(u[d]);
+  }
+  return std::sqrt(sum / std::max(1.0, static_cast<double>(front_nodes.size())));
+}
+/// Of one state of a set.
 double front_rms_mm(const FemDataset& dataset, std::size_t state, std::span<const std::int32_t> front_nodes);
 
 /// Deformation against force, point by point, over the valid states.

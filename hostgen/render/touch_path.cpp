@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "hostgen/common.h"
+#include "hostgen/fem/deformation.h"
 #include "hostgen/fem/statics.h"
 #include "hostgen/finger/plate_geometry.h"
 #include "hostgen/random.h"
@@ -34,7 +35,7 @@ constexpr int kWeakenings = 20;
 double smooth_step(double x) { return 0.5 - 0.5 * std::cos(std::numbers::pi * std::clamp(x, 0.0, 1.0)); }
 
 /// All numbers of a state that change from frame to frame.
-using StateNumbers = Eigen::Matrix<float, 7 + 6 * kPlates, 1>;
+using StateNumbers = Eigen::Matrix<float, 8 + 6 * kPlates, 1>;
 
 StateNumbers numbers_of(const FemState& state) {
   StateNumbers numbers;
@@ -45,6 +46,7 @@ StateNumbers numbers_of(const FemState& state) {
     numbers.segment<3>(7 + 6 * plate) = state.plates[plate].displacement_mm;
     numbers.segment<3>(10 + 6 * plate) = state.plates[plate].rotation_rad;
   }
+  numbers[7 + 6 * kPlates] = state.front_rms_mm;
   return numbers;
 }
 
@@ -56,6 +58,7 @@ FemState state_of(const StateNumbers& numbers) {
   for (int plate = 0; plate < kPlates; ++plate) {
     state.plates[plate] = {numbers.segment<3>(7 + 6 * plate), numbers.segment<3>(10 + 6 * plate)};
   }
+  state.front_rms_mm = std::max(numbers[7 + 6 * kPlates], 0.0f);
   return state;
 }
 
@@ -66,16 +69,19 @@ FemState untouched(const Vec3f& point_mm) {
 }
 
 /// The equilibrium under the planned force, or under a weaker one that the finger can take.
-FemState touched(FingerStatics& finger, const Vec3f& point_mm, double force_n) {
+FemState touched(FingerStatics& finger, const TetMesh& mesh, const Vec3f& point_mm, double force_n) {
   for (int attempt = 0; attempt < kWeakenings; ++attempt) {
     const bool found = finger.load(point_mm, force_n);
     const FemState state = finger.state();
     const double push_mm = (state.contact_mm - state.point_mm).norm();
-    if (found && push_mm <= 1.01 * kLongestPushMm) return state;
+    if (found && push_mm <= 1.01 * kLongestPushMm) break;
     // In proportion to how much too far it went, so that the force changes smoothly from frame to frame.
     force_n *= found ? kLongestPushMm / push_mm : 0.9;
   }
-  return finger.state();  // no equilibrium nearby: the finger stays in the last one, which is reported as what it is
+  // Without an equilibrium nearby the finger stays in the last one, which is reported as what it is.
+  FemState state = finger.state();
+  state.front_rms_mm = static_cast<float>(front_rms_mm<double>(finger.node_displacement_mm(), mesh.front_nodes));
+  return state;
 }
 
 }  // namespace
@@ -182,7 +188,7 @@ std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mes
       // Untouched, the finger is at rest and forgets where it came from.
       const bool is_touched = force_n >= kLightestTouch_n;
       if (!is_touched) finger.reset();
-      states[key] = is_touched ? touched(finger, point_mm, force_n) : untouched(point_mm);
+      states[key] = is_touched ? touched(finger, mesh, point_mm, force_n) : untouched(point_mm);
       progress.advance();
     }
   });

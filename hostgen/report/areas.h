@@ -27,9 +27,10 @@ nlohmann::json measure_fem(const std::filesystem::path& spec, const nlohmann::js
 nlohmann::json measure_modbus(bool quick);
 
 /// Rendered pictures of one touch path, by preset and picture size, through the firmware's stages: touch, force and
-/// coverage errors by plate motion, flips, false touches, whole-frame time; the joint estimate beside the paper's.
+/// level errors and coverage by plate motion, flips, false touches, whole-frame time; the joint estimate beside the
+/// paper's. The paper's four paths over their truth in paths.svg in `folder`; errors of the corners.
 /// `quick`: 4 seconds of the larger pictures instead of 24 of both.
-nlohmann::json measure_vision(const Model& model, const FingerSpec& spec, bool quick);
+nlohmann::json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick);
 
 /// Bias (away from the marker's centre) and RMS error (per coordinate) of the corners in rendered pictures, one row per
 /// condition: distance, tilt, blur, noise, light, preset; the firmware's edges beside OpenCV's cornerSubPix.

@@ -1,14 +1,18 @@
 // From rendered pixels to touches: errors and times by preset, joint plate estimate against one marker at a time.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "firmware/frame_loop.h"
 #include "firmware/touch/touch_stage.h"
 #include "hostgen/common.h"
+#include "hostgen/gnuplot.h"
 #include "hostgen/render/scenes.h"
 #include "hostgen/render/touch_path.h"
 #include "hostgen/report/areas.h"
+#include "hostgen/statistics.h"
 
 namespace finsight::host {
 
@@ -21,10 +25,33 @@ constexpr std::uint64_t kSeed = 4242;  // of no session that anything was traine
 // A rotation that is further off than this is taken for the other pose of its square: noise tilts by a degree or two.
 constexpr double kFlipDeg = 6;
 
+constexpr double kBands_mm[] = {2, 4, 7, 12};  // of the largest plate motion; each up to the next, the last open
+
+/// Errors of the touches of one band of plate motion.
+struct Band {
+  std::vector<double> errors_mm;
+  double force_sq = 0, level_sq = 0;
+  std::size_t inside = 0, inside_twice = 0, levels = 0;
+
+  json figures(double from_mm) const {
+    if (errors_mm.empty()) return {{"from_mm", from_mm}, {"touches", 0}};
+    const auto count = static_cast<double>(errors_mm.size());
+    return {{"from_mm", from_mm},
+            {"touches", errors_mm.size()},
+            {"touch_mm", std::accumulate(errors_mm.begin(), errors_mm.end(), 0.0) / count},
+            {"touch_95_mm", quantile(errors_mm, 0.95)},
+            {"force_rmse_n", std::sqrt(force_sq / count)},
+            {"level_rmse_permille", levels ? json(std::sqrt(level_sq / static_cast<double>(levels))) : json()},
+            {"coverage_68", static_cast<double>(inside) / count},
+            {"coverage_95", static_cast<double>(inside_twice) / count}};
+  }
+};
+
 /// The errors of one way from corners to touches.
 class Score {
  public:
-  void add(const PlatePoses& poses, const Touch& touch, const FemState& truth) {
+  /// `level_permille`: the deformation level of this frame, not-a-number if the way has none.
+  void add(const PlatePoses& poses, const Touch& touch, double level_permille, const FemState& truth, double rated_mm) {
     ++frames_;
     bool flipped = false;
     double motion_mm = 0;
@@ -34,50 +61,79 @@ class Score {
       motion_mm = std::max(motion_mm, static_cast<double>(truth.plates[p].displacement_mm.norm()));
     }
     flips_ += flipped;
-    if (truth.force_n > 0 && motion_mm >= 4) ++firm_;
+    const bool touched = truth.force_n > 0;
+    firm_ += touched && motion_mm >= 4;
     if (touch.quality != Quality::kFresh) return;
     ++valid_;
     const double error_mm = static_cast<double>((touch.point_mm - truth.point_mm).norm());
     const double radius_mm = static_cast<double>(touch.radius_68_mm);
-    false_valid_ += truth.force_n == 0 || error_mm > 3 * radius_mm;
-    if (truth.force_n == 0) return;
-    if (motion_mm >= 4) above_4_.push_back(error_mm);
-    if (motion_mm >= 7) above_7_.push_back(error_mm);
-    if (motion_mm < 4) below_4_.push_back(error_mm);
-    inside_ += error_mm <= radius_mm;
-    inside_twice_ += error_mm <= 2 * radius_mm;
-    force_sq_ += std::pow(static_cast<double>(touch.force_n - truth.force_n), 2);
-    ++touches_;
+    false_valid_ += !touched || error_mm > 3 * radius_mm;
+    if (!touched) return;
+    std::size_t b = 0;
+    while (b + 1 < std::size(kBands_mm) && motion_mm >= kBands_mm[b + 1]) ++b;
+    Band& band = bands_[b];
+    band.errors_mm.push_back(error_mm);
+    band.inside += error_mm <= radius_mm;
+    band.inside_twice += error_mm <= 2 * radius_mm;
+    band.force_sq += std::pow(static_cast<double>(touch.force_n - truth.force_n), 2);
+    if (!std::isfinite(level_permille)) return;
+    band.level_sq += std::pow(level_permille - 1000 * static_cast<double>(truth.front_rms_mm) / rated_mm, 2);
+    ++band.levels;
   }
   json figures() const {
     const auto share = [](std::size_t part, std::size_t of) { return of ? json(double(part) / double(of)) : json(); };
-    return {{"touch_mm_2_to_4", mean(below_4_)},
-            {"touch_mm_above_4", mean(above_4_)},
-            {"touch_mm_above_7", mean(above_7_)},
+    json bands = json::array();
+    for (std::size_t b = 0; b < std::size(kBands_mm); ++b) bands.push_back(bands_[b].figures(kBands_mm[b]));
+    return {{"touch_mm_2_to_4", mean_mm(0, 1)},
+            {"touch_mm_above_4", mean_mm(1, std::size(kBands_mm))},
+            {"touch_mm_above_7", mean_mm(2, std::size(kBands_mm))},
+            {"by_plate_motion", bands},
             {"false_valid", share(false_valid_, valid_)},
             {"flips_per_1000", frames_ ? json(1000.0 * double(flips_) / double(frames_)) : json()},
-            {"coverage_68", share(inside_, touches_)},
-            {"coverage_95", share(inside_twice_, touches_)},
-            {"force_rmse_n", touches_ ? json(std::sqrt(force_sq_ / double(touches_))) : json()},
-            {"firm_touches_published", share(above_4_.size(), firm_)},
+            {"coverage_68", share(sum(&Band::inside), touches())},
+            {"coverage_95", share(sum(&Band::inside_twice), touches())},
+            {"firm_touches_published", share(touches() - bands_[0].errors_mm.size(), firm_)},
             {"frames", frames_}};
   }
 
  private:
-  static json mean(const std::vector<double>& values) {
-    double sum = 0;
-    for (const double value : values) sum += value;
-    return values.empty() ? json() : json(sum / double(values.size()));
+  std::size_t touches() const {
+    std::size_t count = 0;
+    for (const Band& band : bands_) count += band.errors_mm.size();
+    return count;
   }
-  std::vector<double> below_4_, above_4_, above_7_;
-  std::size_t frames_ = 0, flips_ = 0, valid_ = 0, false_valid_ = 0, inside_ = 0, inside_twice_ = 0, touches_ = 0,
-              firm_ = 0;
-  double force_sq_ = 0;
+  std::size_t sum(std::size_t Band::*part) const {
+    std::size_t count = 0;
+    for (const Band& band : bands_) count += band.*part;
+    return count;
+  }
+  json mean_mm(std::size_t first, std::size_t last) const {
+    double sum = 0, count = 0;
+    for (std::size_t b = first; b < last; ++b) {
+      sum = std::accumulate(bands_[b].errors_mm.begin(), bands_[b].errors_mm.end(), sum);
+      count += static_cast<double>(bands_[b].errors_mm.size());
+    }
+    return count > 0 ? json(sum / count) : json();
+  }
+  std::array<Band, std::size(kBands_mm)> bands_;
+  std::size_t frames_ = 0, flips_ = 0, valid_ = 0, false_valid_ = 0, firm_ = 0;
 };
 
-/// One preset at one picture size. The loop gives the times, the stages beside it what registers do not hold.
+Frame frame_of(const std::vector<std::uint8_t>& grey, const CameraIntrinsics& camera, std::size_t number) {
+  return {.grey = grey.data(),
+          .width_px = camera.width_px,
+          .height_px = camera.height_px,
+          .stride_bytes = camera.width_px,
+          .poses = nullptr,
+          .exposure_ns = steady_now_ns(),
+          .sequence = static_cast<std::uint32_t>(number)};
+}
+
+/// One preset at one picture size. The loop gives the registers' level and the times, the stages beside it the rest.
 json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsics& camera, const std::string& preset,
                 const std::vector<FemState>& states, Progress& progress) {
+  constexpr double kNoLevel = std::numeric_limits<double>::quiet_NaN();
+  constexpr std::size_t kLevelRegister = 11, kStatusRegister = 0;
   const PictureQuality quality = picture_preset(preset);
   const CameraModel lens = camera_model(camera);
   Renderer renderer(spec, camera, quality, kSeed);
@@ -92,26 +148,25 @@ json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsi
   for (std::size_t k = 0; k < states.size(); ++k) {
     if (interrupted()) throw Interrupted();
     renderer.render(scenes.exposure(k), grey);
-    const Frame frame{.grey = grey.data(),
-                      .width_px = camera.width_px,
-                      .height_px = camera.height_px,
-                      .stride_bytes = camera.width_px,
-                      .poses = nullptr,
-                      .exposure_ns = steady_now_ns(),
-                      .sequence = static_cast<std::uint32_t>(k)};
-    loop.step(frame);
+    const Frame frame = frame_of(grey, camera, k);
+    const RegisterImage& registers = loop.step(frame);
+    const double level = registers.words[kStatusRegister] & kShapeValid ? registers.words[kLevelRegister] : kNoLevel;
     const MarkerCorners& corners = markers.find(frame);
     const PlatePoses& poses = joint.estimate(corners);
     seen += static_cast<std::size_t>(poses.seen_count());
-    joint_score.add(poses, touch.locate(poses), states[k]);
+    joint_score.add(poses, touch.locate(poses), level, states[k], spec.rated_deformation_mm);
     const PlatePoses& single = alone.estimate(corners);
-    alone_score.add(single, touch.locate(single), states[k]);
+    alone_score.add(single, touch.locate(single), kNoLevel, states[k], spec.rated_deformation_mm);
     progress.advance();
   }
   json figures = joint_score.figures();
   figures["one_by_one"] = alone_score.figures();
   figures["markers_seen"] = double(seen) / double(kPlates * states.size());
   const StageTimes& times = loop.times();
+  for (const auto& [stage, spent] : {std::pair{"shape", &times.shape}, {"touch", &times.touch}}) {
+    figures[std::string(stage) + "_ms_p50"] = spent->percentile_us(0.5) / 1000;
+    figures[std::string(stage) + "_ms_p99"] = spent->percentile_us(0.99) / 1000;
+  }
   figures["frame_ms_p50"] = times.frame.percentile_us(0.5) / 1000;
   figures["frame_ms_p99"] = times.frame.percentile_us(0.99) / 1000;
   figures["poses_ms_p50"] = times.poses.percentile_us(0.5) / 1000;
@@ -119,9 +174,57 @@ json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsi
   return figures;
 }
 
+/// The paper's four paths (its figure 7) as the firmware sees them in pictures of preset lab, drawn over the truth.
+json draw_paths(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
+  const double seconds = quick ? 3 : 8;
+  const int frames = static_cast<int>(seconds * kFramesPerSecond);
+  const CameraIntrinsics& camera = spec.cameras[0];
+  const PictureQuality quality = picture_preset("lab");
+  const TetMesh mesh = make_mesh(spec);
+  json rows = json::array();
+  Gnuplot plot(folder / "paths.svg");
+  plot.line("set term svg size 1000,1000; set multiplot layout 2,2");
+  plot.line("set size ratio -1; set xlabel 'x, mm'; set ylabel 'y, mm'; set grid");
+  for (const auto& [name, kind] : touch_paths()) {
+    if (kind == TouchPlan::Path::kWander || kind == TouchPlan::Path::kFast) continue;
+    const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, kind), frames, kFramesPerSecond);
+    const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
+    Renderer renderer(spec, camera, quality, kSeed);
+    MarkerStage markers(model, camera_model(camera));
+    PoseStage poses(model, camera_model(camera));
+    TouchStage touch(model);
+    std::vector<std::uint8_t> grey;
+    std::vector<double> errors_mm;
+    plot.line("$path << E");
+    for (std::size_t k = 0; k < states.size(); ++k) {
+      if (interrupted()) throw Interrupted();
+      renderer.render(scenes.exposure(k), grey);
+      const Touch& found = touch.locate(poses.estimate(markers.find(frame_of(grey, camera, k))));
+      if (found.quality != Quality::kFresh || states[k].force_n == 0) continue;
+      const Vec3f& truth = states[k].point_mm;
+      errors_mm.push_back(static_cast<double>((found.point_mm - truth).norm()));
+      char line[120];
+      std::snprintf(line, sizeof line, "%.3f %.3f %.3f %.3f", static_cast<double>(truth.x()),
+                    static_cast<double>(truth.y()), static_cast<double>(found.point_mm.x()),
+                    static_cast<double>(found.point_mm.y()));
+      plot.line(line);
+    }
+    plot.line("E\nplot $path using 1:2 with lines lw 4 lc rgb '#bbbbbb' title '" + name +
+              "', '' using 3:4 with lines lw 1 lc rgb '#c00000' title 'found'");
+    const double sum = std::accumulate(errors_mm.begin(), errors_mm.end(), 0.0);
+    rows.push_back({{"path", name},
+                    {"touches", errors_mm.size()},
+                    {"touch_mm", errors_mm.empty() ? json() : json(sum / static_cast<double>(errors_mm.size()))},
+                    {"touch_95_mm", errors_mm.empty() ? json() : json(quantile(errors_mm, 0.95))}});
+  }
+  plot.line("unset multiplot");
+  plot.finish();
+  return rows;
+}
+
 }  // namespace
 
-json measure_vision(const Model& model, const FingerSpec& spec, bool quick) {
+json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
   const double seconds = quick ? 4 : 24;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const auto states = make_touch_path(spec, make_mesh(spec), TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);
@@ -139,6 +242,7 @@ json measure_vision(const Model& model, const FingerSpec& spec, bool quick) {
   }
   for (const char* key : {"frame_ms_p50", "frame_ms_p99", "poses_ms_p50"}) vision[key] = vision["lab"][key];
   vision["picture"] = std::to_string(spec.cameras[0].width_px) + "x" + std::to_string(spec.cameras[0].height_px);
+  vision["paths"] = draw_paths(model, spec, folder, quick);
   vision["corners"] = measure_corners(spec, quick);
   return {{"vision", vision}};
 }

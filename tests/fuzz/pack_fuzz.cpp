@@ -1,32 +1,13 @@
 // libFuzzer target: no bytes make Model::open do anything but succeed or throw InputError.
 //   cmake -S . -B build/fuzz -DFINSIGHT_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++ && cmake --build build/fuzz --target
 //   fuzz_pack build/fuzz/tests/fuzz_pack CORPUS_FOLDER     (a good seed is any pack)
-#include <sys/mman.h>
-#include <unistd.h>
-
-#include <cstdlib>
-
 #include "firmware/input_error.h"
 #include "hostgen/pack/model_pack.h"
+#include "tests/fuzz/memory_file.h"
 
 namespace {
 
 using namespace finsight;
-
-/// A file in memory; `path` opens it.
-class MemoryFile {
- public:
-  MemoryFile(const void* bytes, std::size_t size) : fd_(memfd_create("pack", MFD_CLOEXEC)) {
-    if (fd_ < 0 || write(fd_, bytes, size) != static_cast<ssize_t>(size)) std::abort();
-  }
-  ~MemoryFile() { close(fd_); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  std::string path() const { return "/proc/self/fd/" + std::to_string(fd_); }
-
- private:
-  int fd_;
-};
 
 /// The same tensors and metadata with right checksums: without this no input would get past them.
 std::string resealed(const SafetensorsFile& file) {
