@@ -7,7 +7,7 @@
 namespace finsight {
 
 FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings)
-    : model_(model), shape_(model, settings.shape), touch_(model), mount_check_(model.mount) {
+    : model_(model), shape_(model, settings.shape), touch_(model), mount_check_(model.mount), filter_(settings.smoothing_ms) {
   if (camera) vision_.emplace(model, *camera);
   state_.model_checksum = model.checksum;
   state_.rated_deformation_mm = model.rated_deformation_mm;
@@ -20,6 +20,7 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
   measured_ = measure_poses(frame);
   zeroing_.process(measured_);
   camera_moved_ = mount_check_.look(measured_);
+  filter_.process(measured_, frame.exposure_ns);
   const PlatePoses& poses = hold_poses(measured_, frame.exposure_ns);
   const std::int64_t poses_ns = steady_now_ns();
   const FingerShape& shape = shape_.solve(poses);

@@ -17,7 +17,8 @@ namespace finsight {
 
 struct LoopSettings {
   ShapeSettings shape;
-  LiveSettings live;  ///< the first; see use()
+  LiveSettings live;        ///< the first; see use()
+  double smoothing_ms = 0;  ///< delay of the low-pass on plate motions, see PoseFilter; 0: none
 };
 
 /// Frame in, registers out. The model must outlive the loop. After construction nothing allocates (but OpenCV's marker
@@ -63,6 +64,7 @@ class FrameLoop {
   TouchStage touch_;
   Zeroing zeroing_;
   MountCheck mount_check_;
+  PoseFilter filter_;
   PlatePoses measured_;  ///< of this frame, completed and zeroed
   PlatePoses held_;      ///< the last ones that were fresh
   std::int64_t held_since_ns_ = 0;

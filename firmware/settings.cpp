@@ -210,6 +210,7 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
   if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
   std::uint16_t& hold_ms = settings.loop.live[kHoldTime];
   hold_ms = static_cast<std::uint16_t>(root.integer("hold_time_ms", 0, setting_row(kHoldTime).highest, hold_ms));
+  settings.loop.smoothing_ms = static_cast<double>(root.integer("smoothing_ms", 0, 1000, 0));
   if (root.has("storage")) read_storage(root.table("storage"), settings);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);

@@ -14,6 +14,7 @@ namespace {
 /// Every key, and none at its default.
 const std::string kFull = R"(pack = "finger.safetensors"
 hold_time_ms = 150
+smoothing_ms = 40
 [source]
 kind = "poses"
 path = "/data/touches.csv"
@@ -79,6 +80,7 @@ TEST_CASE("settings: every key arrives") {
   const Settings settings = read_settings(folder.write("board.toml", kFull));
   CHECK(settings.pack == folder / "finger.safetensors");  // relative to the file
   CHECK(settings.loop.live[kHoldTime] == 150);
+  CHECK(settings.loop.smoothing_ms == 40);
   CHECK(settings.source == Settings::Source::kPoses);
   CHECK(settings.replay.path == "/data/touches.csv");
   CHECK(settings.replay.recording == "161922");
@@ -200,7 +202,7 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
     std::int64_t lowest, highest;
   };
   for (const Range& range :
-       {Range{"hold_time_ms = 150", "hold_time_ms", 0, 10000},
+       {Range{"hold_time_ms = 150", "hold_time_ms", 0, 10000}, Range{"smoothing_ms = 40", "smoothing_ms", 0, 1000},
         Range{"factorisations = 2", "shape.factorisations", 1, 10}, Range{"chord_steps = 3", "shape.chord_steps", 0, 5},
         Range{"port = 15020", "modbus.port", 0, 65535}, Range{"max_clients = 7", "modbus.max_clients", 1, 64},
         Range{"idle_limit_s = 5", "modbus.idle_limit_s", 1, 86400}, Range{"unit = 9", "modbus.unit", 0, 247},
@@ -228,7 +230,7 @@ TEST_CASE("settings: unknown keys and tables are refused by name") {
 
 TEST_CASE("settings: a recording can only be chosen from poses") {
   CHECK_THROWS_WITH_AS(read(replaced(kFull, "kind = \"poses\"", "kind = \"session\"")),
-                       doctest::Contains("board.toml:6: source.recording: found an unknown key"), InputError);
+                       doctest::Contains("board.toml:7: source.recording: found an unknown key"), InputError);
 }
 
 TEST_CASE("settings: what must be there and is not is named") {

@@ -5,4 +5,5 @@
 #include "firmware/vision/marker_stage.h"
 #include "firmware/vision/mount_check.h"
 #include "firmware/vision/picture_check.h"
+#include "firmware/vision/pose_filter.h"
 #include "firmware/vision/pose_stage.h"

@@ -25,6 +25,7 @@ constexpr std::uint64_t kSeed = 4242;  // of no session that anything was traine
 // A rotation that is further off than this is taken for the other pose of its square: noise tilts by a degree or two.
 constexpr double kFlipDeg = 6;
 
+constexpr double kSmoothing_ms = 33.3;         // two frames; the touch moves meanwhile
 constexpr double kBands_mm[] = {2, 4, 7, 12};  // of the largest plate motion; each up to the next, the last open
 
 /// Errors of the touches of one band of plate motion.
@@ -142,7 +143,9 @@ json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsi
   MarkerStage markers(model, lens);
   PoseStage joint(model.mount, model.prior, lens), alone(model.mount, model.prior, lens, PoseMethod::kPublished);
   TouchStage touch(model);
-  Score joint_score, alone_score;
+  PoseFilter filter(kSmoothing_ms);
+  TouchStage smoothed_touch(model);
+  Score joint_score, alone_score, smoothed_score;
   std::vector<std::uint8_t> grey;
   std::size_t seen = 0;
   for (std::size_t k = 0; k < states.size(); ++k) {
@@ -155,12 +158,16 @@ json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsi
     const PlatePoses& poses = joint.estimate(corners);
     seen += static_cast<std::size_t>(poses.seen_count());
     joint_score.add(poses, touch.locate(poses), level, states[k], spec.rated_deformation_mm);
+    PlatePoses smoothed = poses;
+    filter.process(smoothed, static_cast<std::int64_t>(1e9 * static_cast<double>(k) / kFramesPerSecond));
+    smoothed_score.add(smoothed, smoothed_touch.locate(smoothed), kNoLevel, states[k], spec.rated_deformation_mm);
     const PlatePoses& single = alone.estimate(corners);
     alone_score.add(single, touch.locate(single), kNoLevel, states[k], spec.rated_deformation_mm);
     progress.advance();
   }
   json figures = joint_score.figures();
   figures["one_by_one"] = alone_score.figures();
+  figures["smoothed_33_ms"] = smoothed_score.figures();
   figures["markers_seen"] = double(seen) / double(kPlates * states.size());
   const StageTimes& times = loop.times();
   for (const auto& [stage, spent] : {std::pair{"shape", &times.shape}, {"touch", &times.touch}}) {
