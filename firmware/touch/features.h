@@ -13,12 +13,14 @@ inline constexpr float kSmallestMotion = 1e-3f;
 /// Sizes of noise (PlatePoses::noise) that the network can tell apart, and the one that stands for an unseen plate.
 inline constexpr float kLeastNoise = 0.1f, kMostNoise = 10, kUnseenNoise = 100;
 
-/// What the network is told about the noise of each plate.
+/// What the network is told about the noise of a plate.
+inline float told_noise(bool seen, float noise) {
+  return seen ? std::clamp(noise, kLeastNoise, kMostNoise) : kUnseenNoise;
+}
+
 inline std::array<float, kPlates> noise_of(const PlatePoses& poses) {
   std::array<float, kPlates> noise;
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    noise[p] = poses.seen[p] ? std::clamp(poses.noise[p], kLeastNoise, kMostNoise) : kUnseenNoise;
-  }
+  for (std::size_t p = 0; p < kPlates; ++p) noise[p] = told_noise(poses.seen[p], poses.noise[p]);
   return noise;
 }
 

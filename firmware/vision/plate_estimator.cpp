@@ -19,7 +19,8 @@ constexpr double kSlackMm = 3, kSlackRad = 0.15;
 constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
 // A corner this many standard deviations off has half the weight: of normal ones that costs 5 %.
 constexpr double kHalfWeightSigmas = 4;
-constexpr double kGuessWeight = 4;  // of the guessed scatter, in numbers
+constexpr double kGuessWeight = 4;    // of the guessed scatter, in numbers
+constexpr int kStepsWithScatter = 2;  // the scatter changes little: only the corners' weight against the prior
 constexpr double kLeastSigmaPx = 0.01, kMostSigmaPx = 1;
 
 double corner_weight(double sigmas_sq) { return 1 / (1 + sigmas_sq / (kHalfWeightSigmas * kHalfWeightSigmas)); }
@@ -141,6 +142,14 @@ void PlateEstimator::improve(const PlateSight& sight, Numbers& numbers) const {
   Numbers gradient;
   normal_equations(sight, numbers, information, gradient);
   numbers -= information.llt().solve(gradient);
+}
+
+PlateEstimator::Numbers PlateEstimator::estimate(PlateSight& sight, const Numbers& start, int steps) const {
+  Numbers numbers = start;
+  for (int step = 0; step < steps; ++step) improve(sight, numbers);
+  sight.corner_sigma_px = corner_sigma_px(sight, numbers);
+  for (int step = 0; step < kStepsWithScatter; ++step) improve(sight, numbers);
+  return numbers;
 }
 
 // Where a plate's corners are seen, and how far from where they should be; false behind the camera.

@@ -31,6 +31,8 @@ class PlateEstimator {
   const Numbers& prior_mean() const { return mean_; }
   /// One Gauss-Newton step from `numbers`, with each corner's weight as its distance there says.
   void improve(const PlateSight& sight, Numbers& numbers) const;
+  /// Steps from `start`, then the corners' scatter (into `sight`), then two steps more with it.
+  Numbers estimate(PlateSight& sight, const Numbers& start, int steps) const;
   /// The corners' scatter as their distances from the reprojection say at the estimate. Three markers leave some eight
   /// numbers that nothing was fitted to; the guess kCornerSigmaPx counts as four more.
   double corner_sigma_px(const PlateSight& sight, const Numbers& numbers) const;

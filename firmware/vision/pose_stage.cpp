@@ -12,7 +12,6 @@ constexpr double kLargestReprojectionPx = 3;
 constexpr double kFarthestSigmas = 6;  // from the prior with its slack
 // From IPPE's pose Gauss-Newton converges quadratically: after five steps the numbers stand still to 1e-9.
 constexpr int kSteps = 5;
-constexpr int kStepsWithScatter = 2;  // the corners' scatter changes little: only their weight against the prior
 
 const CameraModel& checked(const CameraModel& camera) {
   check_camera(camera);
@@ -95,10 +94,7 @@ PoseStage::Numbers PoseStage::estimate_jointly() {
       best = numbers;
     }
   }
-  for (int step = 0; step < kSteps; ++step) estimator_.improve(sight_, best);
-  sight_.corner_sigma_px = estimator_.corner_sigma_px(sight_, best);
-  for (int step = 0; step < kStepsWithScatter; ++step) estimator_.improve(sight_, best);
-  return best;
+  return estimator_.estimate(sight_, best, kSteps);
 }
 
 PoseStage::Numbers PoseStage::estimate_one_by_one() const {

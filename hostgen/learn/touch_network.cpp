@@ -30,18 +30,23 @@ void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vect
 class Measurements {
  public:
   Measurements(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
-               const PlatePrior& prior, Random& random)
-      : touches_(touches), noise_(noise), prior_(prior), random_(random) {}
+               const PlatePrior& prior, const CornerMeasurement* camera, Random& random)
+      : touches_(touches), noise_(noise), prior_(prior), camera_(camera), random_(random) {}
 
   void draw(const TouchModel& model, Eigen::MatrixXf& inputs, Eigen::MatrixXf& targets) {
     for (int column = 0; column < inputs.cols(); ++column) {
       const TouchSample& touch = touches_[random_.index(touches_.size())];
       PlateNumbers numbers = touch.numbers;
-      std::array<float, kPlates> noise = draw_noise(random_);
-      add_noise(noise_, random_, numbers, noise);
       const std::array<bool, kPlates> seen = draw_seen(random_);
-      complete_from_prior(prior_, seen, numbers);
-      for (std::size_t p = 0; p < kPlates; ++p) noise[p] = seen[p] ? noise[p] : kUnseenNoise;
+      std::array<float, kPlates> noise;
+      if (camera_ && random_.uniform() < 0.5) {
+        noise = camera_->measure(seen, random_, numbers);
+      } else {
+        noise = draw_noise(random_);
+        add_noise(noise_, random_, numbers, noise);
+        complete_from_prior(prior_, seen, numbers);
+      }
+      for (std::size_t p = 0; p < kPlates; ++p) noise[p] = told_noise(seen[p], noise[p]);
       touch_features(model, numbers, noise,
                      std::span<float, TouchModel::kInputs>(inputs.col(column).data(), TouchModel::kInputs));
       targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_n;
@@ -52,6 +57,7 @@ class Measurements {
   const std::vector<TouchSample>& touches_;
   const std::array<PoseNoise, kPlates>& noise_;
   const PlatePrior& prior_;
+  const CornerMeasurement* camera_;
   Random& random_;
 };
 
@@ -111,9 +117,9 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
 
 TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
-                                 const std::function<void()>& tick) {
+                                 const std::function<void()>& tick, const CornerMeasurement* camera) {
   Random random(seed);
-  Measurements measurements(touches, noise, prior, random);
+  Measurements measurements(touches, noise, prior, camera, random);
   TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, random), fit_normalisation(measurements), {}};
   TouchModelData& model = trained.model;
   model.widths = kWidths;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <vector>
 
+#include "hostgen/learn/corner_measurement.h"
 #include "hostgen/learn/network.h"
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/learn/touch_training.h"
@@ -17,7 +18,8 @@ struct TouchNetwork {
   Eigen::MatrixXf sample_inputs;  ///< [TouchModel::kInputs, samples] normalised, as in training: for quantise()
 };
 
-/// Trains on `touches`, each time with fresh pose noise of another size and sometimes without some plates.
+/// Trains on `touches`, each time with fresh pose noise of another size and sometimes without some plates: one half as
+/// the spec's noise has it, plate by plate, the other as `camera` measures them; all as the former without one.
 ///
 /// Loss: of the seven means (point, displacement, force) the squared error in the first fifth of the steps; then, for
 /// the three coordinates of the point and the force, the Gaussian negative log-likelihood with the predicted standard
@@ -26,7 +28,7 @@ struct TouchNetwork {
 /// `tick` is called after every step; it may throw to stop.
 TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
-                                 const std::function<void()>& tick);
+                                 const std::function<void()>& tick, const CornerMeasurement* camera = nullptr);
 
 /// Derivative of that loss by the network's raw outputs, both [TouchModel::kOutputs, samples]; `targets` is
 /// [7, samples], normalised. `likelihood` chooses the second part of the training.

@@ -93,10 +93,12 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
   run.leave_one_out_mm = interpolant.leave_one_out_mm();
   Random random(seed);
   const std::vector<TouchSample> touches = draw_touches(spec, interpolant, kTouches, random);
-  run.trained = train_touch_network(touches, spec.noise, prior, plan, seed + 1, [&] {
+  const CornerMeasurement camera(spec, prior);
+  const auto tick = [&] {
     if (interrupted()) throw Interrupted();
     progress.advance();
-  });
+  };
+  run.trained = train_touch_network(touches, spec.noise, prior, plan, seed + 1, tick, &camera);
   quantise(*run.trained);
   run.trained->model.threshold_mm = static_cast<float>(spec.threshold_mm);
   run.trained->model.range_mm = kBeyondTraining * largest_plate_motion_mm(run.split.train);

@@ -1,5 +1,5 @@
-// A finger in closed form for tests: a clamped beam with a dimple under the touch. Not physics to the digit, but smooth,
-// slightly nonlinear, and the touch can be told from the plates.
+// A finger in closed form for tests: a clamped beam with a dimple under the touch. Not physics to the digit, but
+// smooth, slightly nonlinear, and the touch can be told from the plates.
 #pragma once
 
 #include <cmath>
@@ -26,10 +26,8 @@ inline host::FemState synthetic_state(double x_mm, double y_mm, double force_n) 
     const double bend = stiffness * beam(height, y_mm) + 0.25 * force_n * dimple;
     const double slope = (beam(height + 0.5, y_mm) - beam(height - 0.5, y_mm)) * stiffness;
     const double twist = -0.0011 * force_n * x_mm * std::min(1.0, height / y_mm) / (1 + 0.02 * force_n);
-    state.plates[p].displacement_mm =
-        Eigen::Vector3d(-0.02 * twist * height, -0.6 * slope * bend, bend).cast<float>();
-    state.plates[p].rotation_rad =
-        Eigen::Vector3d(slope, twist, 0.0006 * force_n * x_mm * dimple).cast<float>();
+    state.plates[p].displacement_mm = Eigen::Vector3d(-0.02 * twist * height, -0.6 * slope * bend, bend).cast<float>();
+    state.plates[p].rotation_rad = Eigen::Vector3d(slope, twist, 0.0006 * force_n * x_mm * dimple).cast<float>();
   }
   const double push_mm = stiffness * beam(y_mm, y_mm) + 0.6 * force_n;
   state.contact_mm = state.point_mm + Eigen::Vector3d(0, -0.002 * push_mm * push_mm, push_mm).cast<float>();
@@ -44,6 +42,17 @@ inline host::FingerSpec synthetic_spec() {
   spec.force_n = {1, 6};
   spec.threshold_mm = 2;
   for (host::PoseNoise& noise : spec.noise) noise = {0.03, 0.15, 0.008, 0.002};
+  spec.marker_size_mm = 8;
+  spec.T_finger_camera.linear() << 1, 0, 0, 0, 0, 1, 0, -1, 0;  // looks up from below the base
+  spec.T_finger_camera.translation() << 0, -22, 0;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    Eigen::Isometry3d& T_finger_marker = spec.plates[p].T_finger_marker;
+    T_finger_marker.setIdentity();
+    T_finger_marker.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
+    T_finger_marker.translation() << 13.0 * (p == 1) - 16.0 * (p == 2), kPlateHeights_mm[p], 0;
+  }
+  spec.cameras[0].fx = 736;
+  spec.cameras[1].fx = 457;
   return spec;
 }
 

@@ -83,17 +83,6 @@ TEST_CASE("plates: corners without noise are met, wherever the fingers of the pr
   }
 }
 
-namespace {
-
-Numbers estimate(const PlateEstimator& estimator, PlateSight& sight, Numbers numbers) {
-  for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
-  sight.corner_sigma_px = estimator.corner_sigma_px(sight, numbers);
-  for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
-  return numbers;
-}
-
-}  // namespace
-
 TEST_CASE("plates: the corners' scatter is told from what is left of it") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
@@ -103,7 +92,7 @@ TEST_CASE("plates: the corners' scatter is told from what is left of it") {
     for (int i = 0; i < 200; ++i) {
       const Numbers truth = prior.draw(random);
       PlateSight sight = sight_of(truth, {true, true, true}, noise_px, random);
-      estimate(estimator, sight, truth);
+      estimator.estimate(sight, truth, 6);
       sum_sq += sight.corner_sigma_px * sight.corner_sigma_px / 200;
     }
     // A guess of weight 4 beside about 10 numbers that are left over; a Cauchy weight takes some of the tails.
@@ -123,7 +112,7 @@ TEST_CASE("plates: the published noise is the error that is made, also of fewer 
       for (int i = 0; i < 300; ++i) {
         const Numbers truth = prior.draw(random);
         PlateSight sight = sight_of(truth, seen, noise_px, random);
-        const Numbers found = estimate(estimator, sight, truth);
+        const Numbers found = estimator.estimate(sight, truth, 6);
         const std::array<float, kPlates> noise = estimator.noise(sight, found);
         for (int n = 0; n < 18; ++n) {
           const auto k = static_cast<std::size_t>(n);
@@ -148,7 +137,7 @@ TEST_CASE("plates: one corner that is far off moves its plate little") {
     const Numbers truth = prior.draw(random);
     PlateSight sight = sight_of(truth, {true, true, true}, 0.02, random);
     sight.rays[1][2] += Eigen::Vector2d(2, -1) / kFocalPx;
-    const Numbers found = estimate(estimator, sight, truth);
+    const Numbers found = estimator.estimate(sight, truth, 6);
     worst_mm = std::max(worst_mm, (found - truth).segment<3>(6).norm());
   }
   CHECK(worst_mm < 0.3);  // least squares: 1.0 mm
