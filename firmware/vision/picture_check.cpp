@@ -11,6 +11,7 @@ namespace {
 constexpr int kRowStep = 8;
 constexpr int kMostRepeats = 5;
 constexpr double kDarkest = 6, kBrightest = 249;
+constexpr int kSharpRowStep = 32;        // a marker's edges are longer
 constexpr int kBlocksPerRow = 320;   // blocks of pixels that are averaged against noise
 constexpr int kLeastContrast = 50;   // grey levels between blocks; with less there is nothing to be sharp
 constexpr double kSharpShare = 0.6;  // of the contrast, between a block and the next but one
@@ -50,7 +51,7 @@ PictureFault PictureCheck::look(const GreyView& picture) {
 bool PictureCheck::is_blurred(const GreyView& picture) const {
   const int width = std::max(1, picture.width_px / kBlocksPerRow);
   int darkest = 255 * width, brightest = 0, steepest = 0;
-  for (int y = 0; y < picture.height_px; y += kRowStep) {
+  for (int y = 0; y < picture.height_px; y += kSharpRowStep) {
     const std::uint8_t* row = picture.at(0, y);
     int before = 0, last = 0;
     for (int k = 0; (k + 1) * width <= picture.width_px; ++k) {

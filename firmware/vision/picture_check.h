@@ -16,7 +16,7 @@ class PictureCheck {
   /// while a stuck driver or a light that went on during readout may repeat one or two. Dark and bright: the mean grey
   /// level is below 6 or above 249. Blurred from the 30th picture in a row on, so that a fast move is none: no edge in
   /// it is sharper than a blur with a standard deviation of 1/280 of the picture's width (4.5 pixels of 1280), though
-  /// there is contrast. Looks at every eighth row: 60 us for 1280 x 720. Never allocates.
+  /// there is contrast. Looks at every eighth row: 100 us for 1280 x 720. Never allocates.
   PictureFault look(const GreyView& picture);
 
  private:

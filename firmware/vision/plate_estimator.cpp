@@ -17,13 +17,16 @@ using Eigen::Vector3d;
 
 constexpr double kSlackMm = 3, kSlackRad = 0.15;
 constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
-// A corner this many standard deviations off has half the weight: of normal ones that costs 5 %.
-constexpr double kHalfWeightSigmas = 4;
+// Corners further off than this pull with a constant force (pseudo-Huber: convex, so that the prior cannot outvote the
+// corners of a finger that is where no touch brings it).
+constexpr double kLinearFromSigmas = 3;
 constexpr double kGuessWeight = 4;    // of the guessed scatter, in numbers
 constexpr int kStepsWithScatter = 2;  // the scatter changes little: only the corners' weight against the prior
 constexpr double kLeastSigmaPx = 0.01, kMostSigmaPx = 1;
 
-double corner_weight(double sigmas_sq) { return 1 / (1 + sigmas_sq / (kHalfWeightSigmas * kHalfWeightSigmas)); }
+double corner_weight(double sigmas_sq) {
+  return 1 / std::sqrt(1 + sigmas_sq / (kLinearFromSigmas * kLinearFromSigmas));
+}
 
 Matrix3d cross_matrix(const Vector3d& v) {
   Matrix3d m;
@@ -98,7 +101,7 @@ Eigen::Matrix<double, 6, 1> PlateEstimator::motion(std::size_t plate, const Eige
 // Corner X of the plate at rest, seen from its centre c, is now at exp(w) X + c + d. The camera sees it along
 // (x / z, y / z); the residual is the difference from the measured ray, in units of the corners' scatter.
 bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const Numbers& numbers, Matrix6& information,
-                               Vector6& gradient) const {
+                               Vector6& gradient, double& residual_sq) const {
   const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
   const Turn turn(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
   const double scale = focal_px_ / sight.corner_sigma_px;
@@ -117,6 +120,7 @@ bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const
     jacobian *= scale;
     const Vector2d residual = scale * (ray - sight.rays[plate][k]);
     const double weight = corner_weight(residual.squaredNorm());
+    residual_sq += weight * residual.squaredNorm();
     information.noalias() += weight * jacobian.transpose() * jacobian;
     gradient.noalias() += weight * jacobian.transpose() * residual;
   }
@@ -130,7 +134,8 @@ void PlateEstimator::normal_equations(const PlateSight& sight, const Numbers& nu
   for (std::size_t p = 0; p < kPlates; ++p) {
     Matrix6 plate_information;
     Vector6 plate_gradient;
-    if (!sight.seen[p] || !add_plate(sight, p, numbers, plate_information, plate_gradient)) continue;
+    double residual_sq = 0;
+    if (!sight.seen[p] || !add_plate(sight, p, numbers, plate_information, plate_gradient, residual_sq)) continue;
     const int first = 6 * static_cast<int>(p);
     information.block<6, 6>(first, first) += plate_information;
     gradient.segment<6>(first) += plate_gradient;
@@ -174,36 +179,33 @@ double PlateEstimator::reprojection_px(const PlateSight& sight, std::size_t plat
 }
 
 double PlateEstimator::cost(const PlateSight& sight, const Numbers& numbers) const {
-  constexpr double kScaleSq = kHalfWeightSigmas * kHalfWeightSigmas;
+  constexpr double kScaleSq = kLinearFromSigmas * kLinearFromSigmas;
   double sum = (numbers - mean_).dot(precision_ * (numbers - mean_));
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!sight.seen[p]) continue;
     std::array<double, 4> distance_px;
     if (!reproject(sight, p, numbers, distance_px)) return std::numeric_limits<double>::infinity();
     for (const double distance : distance_px) {
-      sum += kScaleSq * std::log1p(std::pow(distance / sight.corner_sigma_px, 2) / kScaleSq);
+      sum += 2 * kScaleSq * (std::sqrt(1 + std::pow(distance / sight.corner_sigma_px, 2) / kScaleSq) - 1);
     }
   }
   return sum;
 }
 
-// The fit takes up as many of the corners' numbers as the corners, and not the prior, determine: 18 - tr(P C).
+// Only what no motion of the plate explains counts, so that a pull of the prior is not taken for scatter: of the eight
+// residuals of a square two are left, r^T r - r^T J (J^T J)^-1 J^T r, all in units of the present scatter.
 double PlateEstimator::corner_sigma_px(const PlateSight& sight, const Numbers& numbers) const {
-  Matrix18 information;
-  Numbers gradient;
-  normal_equations(sight, numbers, information, gradient);
-  const Matrix18 covariance = information.llt().solve(Matrix18::Identity());
-  double left = precision_.cwiseProduct(covariance).sum() - 18, sum_sq = 0;
+  double left = kGuessWeight, sum_sq = kGuessWeight * kCornerSigmaPx * kCornerSigmaPx;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    std::array<double, 4> distance_px;
-    if (!sight.seen[p] || !reproject(sight, p, numbers, distance_px)) continue;
-    left += 8;
-    for (const double distance : distance_px) {
-      sum_sq += corner_weight(std::pow(distance / sight.corner_sigma_px, 2)) * distance * distance;
-    }
+    Matrix6 information;
+    Vector6 gradient;
+    double residual_sq = 0;
+    if (!sight.seen[p] || !add_plate(sight, p, numbers, information, gradient, residual_sq)) continue;
+    const double unexplained = std::max(0.0, residual_sq - gradient.dot(information.llt().solve(gradient)));
+    sum_sq += unexplained * sight.corner_sigma_px * sight.corner_sigma_px;
+    left += 2;
   }
-  const double guess_sq = kGuessWeight * kCornerSigmaPx * kCornerSigmaPx;
-  return std::clamp(std::sqrt((guess_sq + sum_sq) / (kGuessWeight + std::max(left, 0.0))), kLeastSigmaPx, kMostSigmaPx);
+  return std::clamp(std::sqrt(sum_sq / left), kLeastSigmaPx, kMostSigmaPx);
 }
 
 std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const Numbers& numbers) const {

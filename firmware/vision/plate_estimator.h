@@ -18,9 +18,9 @@ struct PlateSight {
   double corner_sigma_px = kCornerSigmaPx;
 };
 
-/// Maximises p(corners | motions) p(motions): motions follow the pack's Gaussian, corners a Cauchy-like distribution,
-/// which is normal with corner_sigma_px near the middle and lets a corner that dirt has moved far off pull little. A
-/// plate that is not seen has no residuals; the prior alone places it, given the others. Nothing here allocates.
+/// Maximises p(corners | motions) p(motions): motions follow the pack's Gaussian, corners a distribution that is normal
+/// with corner_sigma_px near the middle and lets one that dirt has moved far off pull no stronger than others. A plate
+/// that is not seen has no residuals; the prior alone places it, given the others. Nothing here allocates.
 class PlateEstimator {
  public:
   using Numbers = Eigen::Matrix<double, 18, 1>;  ///< per plate (top, middle, low) displacement x y z, rotation x y z
@@ -33,8 +33,8 @@ class PlateEstimator {
   void improve(const PlateSight& sight, Numbers& numbers) const;
   /// Steps from `start`, then the corners' scatter (into `sight`), then two steps more with it.
   Numbers estimate(PlateSight& sight, const Numbers& start, int steps) const;
-  /// The corners' scatter as their distances from the reprojection say at the estimate. Three markers leave some eight
-  /// numbers that nothing was fitted to; the guess kCornerSigmaPx counts as four more.
+  /// The corners' scatter as what no motion explains of their distances from the reprojection says: two numbers per
+  /// seen marker; the guess kCornerSigmaPx counts as four more.
   double corner_sigma_px(const PlateSight& sight, const Numbers& numbers) const;
   /// Standard deviations at the estimate, from the inverse of the normal equations: per plate the RMS of its six over
   /// those of the pack (PlatePrior::noise).
@@ -60,7 +60,7 @@ class PlateEstimator {
     Matrix6 loose_precision;                ///< inverse of this plate's covariance with the slack
   };
   bool add_plate(const PlateSight& sight, std::size_t plate, const Numbers& numbers, Matrix6& information,
-                 Vector6& gradient) const;
+                 Vector6& gradient, double& residual_sq) const;
   void normal_equations(const PlateSight& sight, const Numbers& numbers, Matrix18& information,
                         Numbers& gradient) const;
   bool reproject(const PlateSight& sight, std::size_t plate, const Numbers& numbers,

@@ -161,7 +161,8 @@ TEST_CASE("poses: of all mirror poses the most probable is taken: none is better
     sight.corner_sigma_px = estimator.corner_sigma_px(sight, found);
     Numbers from_truth = truth;
     for (int step = 0; step < 8; ++step) estimator.improve(sight, from_truth);
-    CHECK(estimator.cost(sight, found) < estimator.cost(sight, from_truth) + 1.0);  // what further steps would still gain
+    CHECK(estimator.cost(sight, found) <
+          estimator.cost(sight, from_truth) + 0.1);  // what further steps would still gain
   }
 }
 
@@ -293,9 +294,9 @@ TEST_CASE("poses: far from the prior the corners are believed, not the prior") {
     CHECK(found.seen == kAll);
     for (std::size_t p = 0; p < kPlates; ++p) {
       const Vec3f error = found.plates[p].displacement_mm - truth[p].displacement_mm;
-      CHECK(Vec2f(error.x(), error.z()).norm() < 0.15F);
+      CHECK(Vec2f(error.x(), error.z()).norm() < 0.2F);
       CHECK(std::abs(error.y()) < 1.5F);
-      CHECK(found.reprojection_px[p] < 1.0F);  // not all is explained: the corners' scatter is taken to be larger
+      CHECK(found.reprojection_px[p] < 1.0F);
     }
   }
 }
