@@ -4,7 +4,6 @@
 
 #include "firmware/input_error.h"
 #include "firmware/modbus/registers.h"
-#include "firmware/shape/shape_stage.h"
 #include "firmware/touch/touch_stage.h"
 
 namespace finsight {
@@ -34,10 +33,25 @@ void check_register(const Model& model, std::size_t number, std::size_t address,
   check_near(model, number, "register", address, expected + difference, expected, tolerance_of(address));
 }
 
+void check_shape(const Model& model, std::size_t number, const char* what, std::span<const float> found,
+                 std::span<const float> expected) {
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    check_near(model, number, what, i, found[i], expected[number * found.size() + i], kSelfTestShapeTolerance_mm);
+  }
+}
+
+void check_registers(const Model& model, std::size_t number, const RegisterImage& found,
+                     std::span<const std::uint16_t> expected) {
+  for (std::size_t i = 0; i < kMeasurementRegisters; ++i) {
+    if (is_float_mirror(i)) continue;
+    check_register(model, number, i, found.words[i], expected[kMeasurementRegisters * number + i]);
+  }
+}
+
 }  // namespace
 
-SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers) {
-  ShapeStage shape_stage(model, ShapeSettings{});
+SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers, const ShapeSettings& settings) {
+  ShapeStage shape_stage(model, settings);
   TouchStage touch_stage(model);
   const PlatePoses poses = seen_poses(numbers);
   const FingerShape& shape = shape_stage.solve(poses);
@@ -59,20 +73,18 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
 
 void check_self_test(const Model& model) {
   const SelfTestModel& expected = model.self_test;
-  const std::size_t shape_size = expected.shape_mm.size() / static_cast<std::size_t>(expected.cases);
   for (std::size_t c = 0; c < static_cast<std::size_t>(expected.cases); ++c) {
-    const SelfTestAnswer answer = answer_self_test(model, expected.poses.subspan(18 * c, 18));
-    for (std::size_t i = 0; i < shape_size; ++i) {
-      check_near(model, c, "shape coordinate", i, answer.shape_mm[i], expected.shape_mm[c * shape_size + i],
-                 kSelfTestShapeTolerance_mm);
-    }
+    const std::span<const float> numbers = expected.poses.subspan(18 * c, 18);
+    const SelfTestAnswer answer = answer_self_test(model, numbers);
+    check_shape(model, c, "shape coordinate", answer.shape_mm, expected.shape_mm);
     for (std::size_t i = 0; i < answer.touch.size(); ++i) {
       check_near(model, c, "touch number", i, answer.touch[i], expected.touch[7 * c + i], kSelfTestTouchTolerance);
     }
-    for (std::size_t i = 0; i < kMeasurementRegisters; ++i) {
-      if (is_float_mirror(i)) continue;
-      check_register(model, c, i, answer.registers.words[i], expected.registers[kMeasurementRegisters * c + i]);
-    }
+    check_registers(model, c, answer.registers, expected.registers);
+    if (!model.contact_map) continue;
+    const SelfTestAnswer by_contact = answer_self_test(model, numbers, {.tier = ShapeSettings::Tier::kContact});
+    check_shape(model, c, "contact shape coordinate", by_contact.shape_mm, expected.contact_shape_mm);
+    check_registers(model, c, by_contact.registers, expected.contact_registers);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "firmware/model/model.h"
+#include "firmware/shape/shape_stage.h"
 
 namespace finsight {
 
@@ -15,8 +16,9 @@ struct SelfTestAnswer {
   RegisterImage registers;
 };
 
-/// All three plates seen at these 18 numbers, cold start, default schedule.
-SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers);
+/// All three plates seen at these 18 numbers, cold start. Pack authors expect the answers of the default settings, and,
+/// if the pack has a contact map, those of tier kContact.
+SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers, const ShapeSettings& settings = {});
 
 /// Largest differences that two correct builds may show: rounding of another processor.
 inline constexpr float kSelfTestShapeTolerance_mm = 1e-3F;

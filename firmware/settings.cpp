@@ -97,11 +97,12 @@ GpioSettings read_gpio(TomlTable table) {
 
 void read_shape(TomlTable table, ShapeSettings& shape) {
   using Tier = ShapeSettings::Tier;
-  const std::string tier = table.choice("tier", {"measures", "map", "map+newton", "newton"}, "newton");
-  shape.tier = tier == "measures" ? Tier::kMeasures
-               : tier == "map"    ? Tier::kMap
-               : tier == "newton" ? Tier::kNewton
-                                  : Tier::kMapAndNewton;
+  const std::string tier = table.choice("tier", {"measures", "map", "contact", "map+newton", "newton"}, "newton");
+  shape.tier = tier == "measures"  ? Tier::kMeasures
+               : tier == "map"     ? Tier::kMap
+               : tier == "contact" ? Tier::kContact
+               : tier == "newton"  ? Tier::kNewton
+                                   : Tier::kMapAndNewton;
   shape.factorisations = static_cast<int>(table.integer("factorisations", 1, 10, shape.factorisations));
   shape.chord_steps = static_cast<int>(table.integer("chord_steps", 0, 5, shape.chord_steps));
   table.finish();

@@ -63,7 +63,7 @@ struct MarkerCorners {
 };
 
 /// Which model made the shape ("model only what a scene needs").
-enum class ShapeSource : std::uint8_t { kRest, kMap, kNewton };
+enum class ShapeSource : std::uint8_t { kRest, kMap, kNewton, kContactMap };
 
 /// Where every node of the finger's mesh is.
 struct FingerShape {

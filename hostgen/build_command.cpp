@@ -52,7 +52,7 @@ struct Parts {
   ShapeModelData shape;
   PlatePriorData prior;
   TouchTraining touch;
-  ShapeMapData map;
+  ShapeMapData map, contact_map;
 };
 
 PackViews views_of(const Parts& parts, const Options& options) {
@@ -66,6 +66,7 @@ PackViews views_of(const Parts& parts, const Options& options) {
   views.prior = parts.prior.view();
   views.shape = parts.shape.view();
   views.shape_map = parts.map.view();
+  views.contact_map = parts.contact_map.view();
   views.touch = parts.touch.model.view();
   return views;
 }
@@ -91,9 +92,9 @@ std::vector<float> self_test_poses(const FemDataset& dataset) {
 void write_with_self_test(const Parts& parts, const Options& options, const std::vector<float>& poses) {
   PackViews views = views_of(parts, options);
   const std::size_t cases = poses.size() / 18;
-  std::vector<float> shape_mm(cases * views.shape.rest_mm.size()), touch(cases * 7);
-  std::vector<std::uint16_t> registers(cases * kMeasurementRegisters);
-  views.self_test = {static_cast<int>(cases), poses, shape_mm, touch, registers};
+  std::vector<float> shape_mm(cases * views.shape.rest_mm.size()), contact_shape_mm(shape_mm.size()), touch(cases * 7);
+  std::vector<std::uint16_t> registers(cases * kMeasurementRegisters), contact_registers(registers.size());
+  views.self_test = {static_cast<int>(cases), poses, shape_mm, touch, registers, contact_shape_mm, contact_registers};
 
   // The answers need an opened model: a draft without them serves for that.
   const std::filesystem::path draft = options.output.string() + ".draft" + std::to_string(getpid());
@@ -101,12 +102,18 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
   {
     const Model model = Model::open(draft);
     std::filesystem::remove(draft);  // stays mapped
+    const auto keep = [](const auto& answer, std::size_t c, auto& all) {
+      std::copy(answer.begin(), answer.end(), all.begin() + static_cast<std::ptrdiff_t>(c * answer.size()));
+    };
     for (std::size_t c = 0; c < cases; ++c) {
-      const SelfTestAnswer answer = answer_self_test(model, std::span(poses).subspan(18 * c, 18));
-      std::copy(answer.shape_mm.begin(), answer.shape_mm.end(), shape_mm.begin() + c * answer.shape_mm.size());
-      std::copy(answer.touch.begin(), answer.touch.end(), touch.begin() + c * answer.touch.size());
-      const auto& words = answer.registers.words;
-      std::copy(words.begin(), words.end(), registers.begin() + c * words.size());
+      const auto numbers = std::span(poses).subspan(18 * c, 18);
+      const SelfTestAnswer answer = answer_self_test(model, numbers);
+      keep(answer.shape_mm, c, shape_mm);
+      keep(answer.touch, c, touch);
+      keep(answer.registers.words, c, registers);
+      const SelfTestAnswer by_contact = answer_self_test(model, numbers, {.tier = ShapeSettings::Tier::kContact});
+      keep(by_contact.shape_mm, c, contact_shape_mm);
+      keep(by_contact.registers.words, c, contact_registers);
     }
   }
   write_model_pack(options.output, views);
@@ -122,6 +129,19 @@ FemDataset truth(const FingerSpec& spec, const TetMesh& mesh, const Profile& pro
     return dataset;
   }
   return make_dataset(spec, mesh, profile.dataset, {}, options.output.string() + ".paths");
+}
+
+/// The shape map from what the firmware's solver converges to, the contact map from the states as they are.
+void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
+  {
+    const ShapeSamples samples =
+        converged_shapes(parts.spec, parts.shape.view(), mount_of(parts.spec), dataset, 1, seed);
+    parts.map = fit_shape_map(samples.poses, samples.displacement_mm);
+    std::printf("shape map: rank %d from %td shapes (%d did not converge)\n", parts.map.rank, samples.poses.rows(),
+                samples.failed);
+  }
+  parts.contact_map = fit_contact_map(parts.spec, dataset, seed + 1);
+  std::printf("contact map: rank %d\n", parts.contact_map.rank);
 }
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
@@ -163,12 +183,7 @@ void run(const Options& options) {
   figures.touch = &parts.touch;
   std::printf("%s", parts.touch.log.c_str());
 
-  const ShapeSamples samples =
-      converged_shapes(parts.spec, parts.shape.view(), mount_of(parts.spec), dataset, 1, options.seed);
-  parts.map = fit_shape_map(samples.poses, samples.displacement_mm);
-  std::printf("shape map: rank %d from %td shapes (%d did not converge)\n", parts.map.rank, samples.poses.rows(),
-              samples.failed);
-
+  fit_maps(parts, dataset, options.seed);
   write_with_self_test(parts, options, self_test_poses(dataset));
   write_build_figures(options.output, figures);
   std::filesystem::remove_all(options.output.string() + ".paths");

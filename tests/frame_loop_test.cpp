@@ -126,6 +126,26 @@ TEST_CASE("loop: its settings reach the solver and the registers") {
   CHECK((std::uint32_t{image.words[37]} << 16 | image.words[36]) == model().checksum);
 }
 
+TEST_CASE("loop: the contact tier shows its shape in the registers; over range the shape map's, and no touch") {
+  Feeder feeder(std::nullopt, {.shape = {.tier = ShapeSettings::Tier::kContact}, .live = {}});
+  const PlatePoses poses = touched(), far = touched(8);
+  const RegisterImage touching = feeder.step(poses);
+  ShapeStage contact(model(), {.tier = ShapeSettings::Tier::kContact}),
+      map(model(), {.tier = ShapeSettings::Tier::kMap});
+  const FingerShape& shape = contact.solve(poses);
+  CHECK(touching.words[0] == (kReady | kTouchValid | kContact | kShapeValid | kAllSeen));
+  CHECK(touching.words[43] == 3);
+  CHECK(touching.words[11] == std::lround(1000 * shape.front_rms_mm / model().rated_deformation_mm));
+  CHECK(touching.words[12] == std::lround(100 * shape.largest_mm));
+  CHECK(touching.words[13] == std::lround(100 * shape.rms_mm));
+
+  const RegisterImage& over = feeder.step(far);
+  CHECK((over.words[0] & kOverRange) != 0);
+  CHECK((over.words[0] & kTouchValid) == 0);
+  CHECK(over.words[43] == 1);
+  CHECK(over.words[12] == std::lround(100 * map.solve(far).largest_mm));
+}
+
 TEST_CASE("loop: with the top plate alone the others are completed, and the shape is not called valid") {
   Feeder feeder;
   PlatePoses poses = touched(), completed = poses;
@@ -318,7 +338,7 @@ TEST_CASE("loop: frames with recorded poses allocate nothing, whatever happens, 
   swapped.plates[kLowPlate].displacement_mm.y() = 80;
   const PlatePoses nothing, all[] = {touched(), alone, far, bad, swapped, nothing, touched(-1)};
   using Tier = ShapeSettings::Tier;
-  for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
+  for (const Tier tier : {Tier::kMap, Tier::kContact, Tier::kMapAndNewton, Tier::kNewton}) {
     Feeder feeder(std::nullopt, {.shape = {.tier = tier}, .live = {}});
     const long before = test::allocations;
     for (int round = 0; round < 3; ++round) {

@@ -22,6 +22,13 @@ TinyModel with_answers(TinyModel tiny) {
     std::copy(answer.touch.begin(), answer.touch.end(), &tiny.test_touch[7 * c]);
     std::copy(answer.registers.words.begin(), answer.registers.words.end(),
               &tiny.test_registers[kMeasurementRegisters * c]);
+    if (!tiny.has_contact_map) continue;
+    const SelfTestAnswer by_contact =
+        answer_self_test(model, model.self_test.poses.subspan(18 * c, 18), {.tier = ShapeSettings::Tier::kContact});
+    std::copy(by_contact.shape_mm.begin(), by_contact.shape_mm.end(),
+              &tiny.test_contact_shape_mm[c * by_contact.shape_mm.size()]);
+    std::copy(by_contact.registers.words.begin(), by_contact.registers.words.end(),
+              &tiny.test_contact_registers[kMeasurementRegisters * c]);
   }
   return tiny;
 }
@@ -96,6 +103,17 @@ TEST_CASE("self-test: names the coordinate or touch number that is off") {
   CHECK(verdict(shape) == doctest::Contains("self-test case 0, shape coordinate 10: found"));
   touch.test_touch[7 + 6] += 2 * kSelfTestTouchTolerance;
   CHECK(verdict(touch) == doctest::Contains("self-test case 1, touch number 6: found"));
+}
+
+TEST_CASE("self-test: asks the contact map too, if there is one") {
+  TinyModel shape = good(), registers = good(), without = good();
+  REQUIRE(good().test_contact_registers[43] == static_cast<int>(ShapeSource::kContactMap));
+  shape.test_contact_shape_mm[11] += 2 * kSelfTestShapeTolerance_mm;
+  CHECK(verdict(shape) == doctest::Contains("self-test case 0, contact shape coordinate 11: found"));
+  registers.test_contact_registers[43] = 1;
+  CHECK(verdict(registers) == doctest::Contains("self-test case 0, register 43: found"));
+  without.has_contact_map = false;
+  CHECK(verdict(without) == "passed");
 }
 
 TEST_CASE("self-test: another network than the author's is refused") {

@@ -113,8 +113,10 @@ TEST_CASE("settings: every key arrives") {
 
 TEST_CASE("settings: every choice is known") {
   using Tier = ShapeSettings::Tier;
-  for (const auto& [name, tier] :
-       {std::pair{"measures", Tier::kMeasures}, {"map", Tier::kMap}, {"newton", Tier::kNewton}}) {
+  for (const auto& [name, tier] : {std::pair{"measures", Tier::kMeasures},
+                                   {"map", Tier::kMap},
+                                   {"contact", Tier::kContact},
+                                   {"newton", Tier::kNewton}}) {
     const Settings settings = read(replaced(kFull, "tier = \"map+newton\"", std::string("tier = \"") + name + "\""));
     CHECK(settings.loop.shape.tier == tier);
   }

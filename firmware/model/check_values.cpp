@@ -121,6 +121,7 @@ void check_self_test_values(const SafetensorsFile& file, const SelfTestModel& se
     }
   }
   check_range(file, tensor::kSelfTestShape, self_test.shape_mm, -kReach_mm, kReach_mm);
+  check_range(file, tensor::kSelfTestContactShape, self_test.contact_shape_mm, -kReach_mm, kReach_mm);
 }
 
 }  // namespace finsight

@@ -119,14 +119,21 @@ ShapeModel read_shape(PackReader& pack, std::vector<std::int32_t>& free_index) {
   return shape;
 }
 
-ShapeMapModel read_shape_map(PackReader& pack, std::int64_t nodes) {
-  const std::int64_t rank = pack.length(tensor::kMapWeights, 0, 1, kMostRank);
+ShapeMapModel read_shape_map(PackReader& pack, const tensor::MapNames& names, std::int64_t nodes) {
+  const std::int64_t rank = pack.length(names.weights, 0, 1, kMostRank);
   ShapeMapModel map;
   map.rank = static_cast<int>(rank);
-  map.scale = pack.tensor<float>(tensor::kMapScale, {18});
-  map.weights = pack.tensor<float>(tensor::kMapWeights, {rank, ShapeMapModel::kFeatures});
-  map.basis = pack.tensor<float>(tensor::kMapBasis, {rank, 3 * nodes});
+  map.scale = pack.tensor<float>(names.scale, {18});
+  map.weights = pack.tensor<float>(names.weights, {rank, ShapeMapModel::kFeatures});
+  map.basis = pack.tensor<float>(names.basis, {rank, 3 * nodes});
   return map;
+}
+
+/// Packs of before there was one have none. Any part of it makes the others needed.
+bool has_contact_map(const SafetensorsFile& file) {
+  const char* const parts[] = {tensor::kContactMap.scale, tensor::kContactMap.weights, tensor::kContactMap.basis,
+                               tensor::kSelfTestContactShape, tensor::kSelfTestContactRegisters};
+  return std::any_of(std::begin(parts), std::end(parts), [&](const char* name) { return file.has(name); });
 }
 
 TouchModel read_touch(PackReader& pack) {
@@ -182,7 +189,7 @@ MountModel read_mount(PackReader& pack, const SafetensorsFile& file) {
   return mount;
 }
 
-SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes) {
+SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool is_with_contact_map) {
   const std::int64_t cases = pack.length(tensor::kSelfTestPoses, 0, 1, kMostSelfTests);
   SelfTestModel self_test;
   self_test.cases = static_cast<int>(cases);
@@ -190,6 +197,11 @@ SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes) {
   self_test.shape_mm = pack.tensor<float>(tensor::kSelfTestShape, {cases, 3 * nodes});
   self_test.touch = pack.tensor<float>(tensor::kSelfTestTouch, {cases, 7});
   self_test.registers = pack.tensor<std::uint16_t>(tensor::kSelfTestRegisters, {cases, kMeasurementRegisters});
+  if (is_with_contact_map) {
+    self_test.contact_shape_mm = pack.tensor<float>(tensor::kSelfTestContactShape, {cases, 3 * nodes});
+    self_test.contact_registers =
+        pack.tensor<std::uint16_t>(tensor::kSelfTestContactRegisters, {cases, kMeasurementRegisters});
+  }
   return self_test;
 }
 
@@ -209,7 +221,8 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   const auto positive = [&](const char* name, std::span<const float> values) {
     check_range(file, name, values, kSmallestScale, kLargestScale);
   };
-  positive(tensor::kMapScale, model.shape_map.scale);
+  positive(tensor::kShapeMap.scale, model.shape_map.scale);
+  positive(tensor::kContactMap.scale, model.contact_map.scale);
   positive(tensor::kTouchScale, model.touch.scale);
   positive(tensor::kTouchInputScale, model.touch.input_scale);
   positive(tensor::kTouchOutputScale, model.touch.output_scale);
@@ -233,13 +246,15 @@ Model Model::open(const std::filesystem::path& path) {
   model.hostgen_version = pack.name(meta::kHostgenVersion);
   model.rated_deformation_mm = pack.number<float>(meta::kRatedDeformation, 0.1f, 200);
   model.shape = read_shape(pack, model.free_index_);
-  model.shape_map = read_shape_map(pack, model.shape.nodes);
+  model.shape_map = read_shape_map(pack, tensor::kShapeMap, model.shape.nodes);
+  const bool is_with_contact_map = has_contact_map(file);
+  if (is_with_contact_map) model.contact_map = read_shape_map(pack, tensor::kContactMap, model.shape.nodes);
   model.touch = read_touch(pack);
   model.prior.mean = pack.tensor<float>(tensor::kPriorMean, {18});
   model.prior.covariance = pack.tensor<float>(tensor::kPriorCovariance, {18, 18});
   model.prior.noise = pack.tensor<float>(tensor::kPriorNoise, {18});
   model.mount = read_mount(pack, file);
-  model.self_test = read_self_test(pack, model.shape.nodes);
+  model.self_test = read_self_test(pack, model.shape.nodes, is_with_contact_map);
   pack.finish();
 
   // Values: what the stages rely on without looking.

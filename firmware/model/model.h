@@ -47,6 +47,7 @@ struct ShapeMapModel {
       scale;  ///< [18] multiplies the plate numbers (displacement xyz, rotation xyz; top, middle, low)
   std::span<const float> weights;  ///< [rank, kFeatures]
   std::span<const float> basis;    ///< [rank, 3 * nodes]
+  explicit operator bool() const { return rank > 0; }
 };
 
 /// One layer of the touch network: y = scale .* (weights x) + bias; int8 weights with one scale per output.
@@ -98,6 +99,9 @@ struct SelfTestModel {
   std::span<const float> shape_mm;           ///< [cases, 3 * nodes] positions after the fixed schedule, from rest
   std::span<const float> touch;              ///< [cases, 7] point, contact, force
   std::span<const std::uint16_t> registers;  ///< [cases, kMeasurementRegisters]
+  /// The same of the tier that answers by the contact map; empty in a pack without one.
+  std::span<const float> contact_shape_mm;
+  std::span<const std::uint16_t> contact_registers;
 };
 
 class Model {
@@ -112,7 +116,8 @@ class Model {
   MountModel mount;
   PlatePrior prior;
   ShapeModel shape;
-  ShapeMapModel shape_map;
+  ShapeMapModel shape_map;    ///< to the solver's shapes
+  ShapeMapModel contact_map;  ///< to the finite elements' shapes of touched fingers; older packs have none: rank 0
   TouchModel touch;
   SelfTestModel self_test;
   const SafetensorsFile& file() const { return file_; }
@@ -135,9 +140,12 @@ inline constexpr const char* kPatternRow = "cholesky.pattern_row";
 inline constexpr const char* kSupernodeStart = "cholesky.supernode_start";
 inline constexpr const char* kRowsStart = "cholesky.rows_start";
 inline constexpr const char* kRows = "cholesky.rows";
-inline constexpr const char* kMapScale = "map.scale";
-inline constexpr const char* kMapWeights = "map.weights";
-inline constexpr const char* kMapBasis = "map.basis";
+/// Of a shape map.
+struct MapNames {
+  const char *scale, *weights, *basis;
+};
+inline constexpr MapNames kShapeMap = {"map.scale", "map.weights", "map.basis"};
+inline constexpr MapNames kContactMap = {"contact_map.scale", "contact_map.weights", "contact_map.basis"};
 inline constexpr const char* kTouchScale = "touch.scale";
 inline constexpr const char* kTouchInputMean = "touch.input_mean";
 inline constexpr const char* kTouchInputScale = "touch.input_scale";
@@ -158,6 +166,8 @@ inline constexpr const char* kSelfTestPoses = "self_test.poses";
 inline constexpr const char* kSelfTestShape = "self_test.shape_mm";
 inline constexpr const char* kSelfTestTouch = "self_test.touch";
 inline constexpr const char* kSelfTestRegisters = "self_test.registers";
+inline constexpr const char* kSelfTestContactShape = "self_test.contact_shape_mm";
+inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_registers";
 }  // namespace tensor
 
 /// Keys of the pack's metadata. Numbers are written in decimal.

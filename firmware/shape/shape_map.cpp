@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <string>
 
 #include "firmware/input_error.h"
@@ -9,6 +10,9 @@
 namespace finsight {
 
 namespace {
+
+// What noise and a touch at the edge of the face add to the training's largest number.
+constexpr float kLargestScaled = 1.25f;
 
 using Features = std::array<float, ShapeMapModel::kFeatures>;
 
@@ -44,6 +48,14 @@ void ShapeMap::evaluate(const Eigen::Matrix<float, 18, 1>& numbers, std::span<fl
     const float* basis = map_.basis.data() + k * rest_mm_.size();
     for (std::size_t i = 0; i < node_mm.size(); ++i) node_mm[i] += coefficients_[k] * basis[i];
   }
+}
+
+// The scale makes the largest of the training one.
+bool ShapeMap::covers(const Eigen::Matrix<float, 18, 1>& numbers) const {
+  for (int i = 0; i < 18; ++i) {
+    if (!(std::abs(map_.scale[i] * numbers[i]) <= kLargestScaled)) return false;
+  }
+  return true;
 }
 
 std::span<const float> ShapeMap::coefficients(const Eigen::Matrix<float, 18, 1>& numbers) const {

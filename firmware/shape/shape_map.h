@@ -19,6 +19,9 @@ class ShapeMap {
   /// Does not allocate.
   void evaluate(const Eigen::Matrix<float, 18, 1>& numbers, std::span<float> node_mm) const;
 
+  /// Whether the plates move about as far as in the training, every number by itself. Beyond, the products are a guess.
+  bool covers(const Eigen::Matrix<float, 18, 1>& numbers) const;
+
   /// [rank]: how much of each basis vector the shape has; valid until the next call. Does not allocate.
   std::span<const float> coefficients(const Eigen::Matrix<float, 18, 1>& numbers) const;
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "firmware/input_error.h"
 #include "firmware/shape/map_measures.h"
 #include "firmware/shape/newton.h"
 #include "firmware/shape/shape_map.h"
@@ -21,11 +22,19 @@ constexpr double kWrongMinimum = 0.9, kEnergyRounding = 1e-6;
 // all over. (Bent by 40 mm and twisted by 90 degrees it is 0.02.)
 constexpr double kMostStrain = 0.1;
 
+const ShapeMapModel& contact_map_of(const Model& model, ShapeSettings::Tier tier) {
+  if (tier == ShapeSettings::Tier::kContact && !model.contact_map) {
+    throw InputError(model.file().path(), "contact map", "none",
+                     "one for tier \"contact\"; hostgen build puts it into the pack");
+  }
+  return model.contact_map;
+}
+
 }  // namespace
 
 struct ShapeStage::Workspace {
   Workspace(const ShapeModel& model, const ShapeMapModel& map_model, const MountModel& mount,
-            const ShapeSettings& stage_settings)
+            const ShapeSettings& stage_settings, const ShapeMapModel& contact_map_model)
       : settings(stage_settings),
         rest_mm(model.rest_mm),
         front_nodes(model.front_nodes),
@@ -37,9 +46,12 @@ struct ShapeStage::Workspace {
         rest_energy(newton.energy()) {
     shape.node_mm = newton.node_mm();
     if (settings.tier == ShapeSettings::Tier::kMeasures) map_measures.emplace(map_model, model);
+    if (settings.tier == ShapeSettings::Tier::kContact) contact_map.emplace(contact_map_model, model);
   }
 
   void answer_by_measures(const PlatePoses& poses);
+  bool answer_by_contact_map(const PlatePoses& poses);
+  void take_map_shape(const ShapeMap& from, const PlatePoses& poses);
   void answer_by_map(const PlatePoses& poses);
   void answer_by_newton(const PlatePoses& poses);
   void try_from_rest(const PlatePoses& poses);
@@ -53,6 +65,7 @@ struct ShapeStage::Workspace {
   std::span<const std::int32_t> front_nodes;
   ShapeMap map;
   std::optional<MapMeasures> map_measures;  // tier kMeasures only
+  std::optional<ShapeMap> contact_map;      // tier kContact only
   RigidPlates plates;
   NewtonSolver<float> newton;  // holds the published shape
   std::vector<float> map_mm;   // the map's shape of this frame
@@ -64,9 +77,12 @@ struct ShapeStage::Workspace {
   FingerShape shape;
 };
 
+ShapeStage::ShapeStage(const Model& model, const ShapeSettings& settings)
+    : ShapeStage(model.shape, model.shape_map, model.mount, settings, contact_map_of(model, settings.tier)) {}
+
 ShapeStage::ShapeStage(const ShapeModel& shape, const ShapeMapModel& map, const MountModel& mount,
-                       const ShapeSettings& settings)
-    : work_(std::make_unique<Workspace>(shape, map, mount, settings)) {}
+                       const ShapeSettings& settings, const ShapeMapModel& contact_map)
+    : work_(std::make_unique<Workspace>(shape, map, mount, settings, contact_map)) {}
 
 ShapeStage::~ShapeStage() = default;
 
@@ -86,12 +102,13 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses) {
   } else if (work_->settings.tier == ShapeSettings::Tier::kMeasures) {
     work_->answer_by_measures(poses);
   } else {
-    work_->map.evaluate(plate_numbers(poses), work_->map_mm);
-    work_->plates.place<float>(plate_motions(poses), work_->map_mm);
-    if (work_->settings.tier == ShapeSettings::Tier::kMap) {
-      work_->answer_by_map(poses);
-    } else {
-      work_->answer_by_newton(poses);
+    if (!work_->answer_by_contact_map(poses)) {
+      work_->take_map_shape(work_->map, poses);
+      if (work_->settings.tier <= ShapeSettings::Tier::kContact) {
+        work_->answer_by_map(poses);
+      } else {
+        work_->answer_by_newton(poses);
+      }
     }
     shape.node_mm = work_->newton.node_mm();
   }
@@ -107,6 +124,19 @@ void ShapeStage::Workspace::answer_by_measures(const PlatePoses& poses) {
   shape.source = ShapeSource::kMap;
   shape.node_mm = {};
   show(map_measures->measure(map.coefficients(plate_numbers(poses))));
+}
+
+void ShapeStage::Workspace::take_map_shape(const ShapeMap& from, const PlatePoses& poses) {
+  from.evaluate(plate_numbers(poses), map_mm);
+  plates.place<float>(plate_motions(poses), map_mm);
+}
+
+bool ShapeStage::Workspace::answer_by_contact_map(const PlatePoses& poses) {
+  if (!contact_map || !contact_map->covers(plate_numbers(poses))) return false;
+  take_map_shape(*contact_map, poses);
+  if (!newton.start_from(map_mm, poses) || strained()) return false;
+  shape.source = ShapeSource::kContactMap;
+  return true;
 }
 
 // A shape with an inverted tetrahedron never goes out: the way from rest to it does, as far as it is possible.

@@ -11,21 +11,24 @@ namespace finsight {
 /// chord.
 struct ShapeSettings {
   /// kMeasures: what the shape map's shape measures, without the shape: all that registers need, and no check of it.
-  /// kMap: the shape map alone. kMapAndNewton: Newton steps from the map's shape, every frame by itself. kNewton:
-  /// Newton steps from the last frame's shape; from the map's after a gap, after a jump of the plates, and where the
-  /// map's shape costs clearly less energy, or after a rough frame a solve from rest does, so that a wrong minimum does
-  /// not last.
-  enum class Tier { kMeasures, kMap, kMapAndNewton, kNewton } tier = Tier::kNewton;
+  /// kMap: the shape map alone. kContact: the contact map's shape, which has the dimple under the touch; the shape
+  /// map's where the plates are further than the contact map's training had them, or its shape is none. kMapAndNewton:
+  /// Newton steps from the map's shape, every frame by itself. kNewton: Newton steps from the last frame's shape; from
+  /// the map's after a gap, after a jump of the plates, and where the map's shape costs clearly less energy, or after a
+  /// rough frame a solve from rest does, so that a wrong minimum does not last.
+  enum class Tier { kMeasures, kMap, kContact, kMapAndNewton, kNewton } tier = Tier::kNewton;
   int factorisations = 1;
   int chord_steps = 1;  ///< further steps per factorisation that reuse its factor
 };
 
 class ShapeStage {
  public:
-  ShapeStage(const Model& model, const ShapeSettings& settings)
-      : ShapeStage(model.shape, model.shape_map, model.mount, settings) {}
+  /// Throws InputError if the tier is kContact and the pack has no contact map.
+  ShapeStage(const Model& model, const ShapeSettings& settings);
   /// The arrays that the parts view must live as long as the stage. Throws InputError if they do not fit each other.
-  ShapeStage(const ShapeModel& shape, const ShapeMapModel& map, const MountModel& mount, const ShapeSettings& settings);
+  /// The contact map is for tier kContact only.
+  ShapeStage(const ShapeModel& shape, const ShapeMapModel& map, const MountModel& mount, const ShapeSettings& settings,
+             const ShapeMapModel& contact_map = {});
   ~ShapeStage();
   /// The shape for these plates, warm-started from the last one. Never throws, never allocates. The shape is finite and
   /// has no inverted element, whatever the poses are. `fallback` marks a shape that is not the solve's: after a failed

@@ -1,13 +1,17 @@
 #include "hostgen/learn/shape_at_touch.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
-#include "firmware/shape/shape_map.h"
+#include "firmware/model/plate_prior.h"
+#include "firmware/shape/shape_stage.h"
 #include "hostgen/learn/shape_map_training.h"
 #include "hostgen/learn/shape_truth.h"
 #include "hostgen/learn/split.h"
+#include "hostgen/statistics.h"
 
 namespace finsight::host {
 
@@ -41,12 +45,12 @@ std::vector<std::size_t> thinned(const std::vector<std::size_t>& states, std::si
   return kept;
 }
 
-// Adds up the distances of shapes to those of a dataset.
+// Mean distance of shapes to those of a dataset.
 class Distance {
  public:
   Distance(const FemDataset& truth, const ShapeModel& shape) : truth_(truth), shape_(shape) {}
 
-  void add(std::size_t state, std::span<const float> displacement_mm, ShapeErrors& errors) const {
+  void add(std::size_t state, std::span<const float> displacement_mm) {
     const auto at = [&](std::int32_t node) {
       const auto first = 3 * static_cast<std::size_t>(node);
       const float* u = &truth_.node_displacement_mm[3 * truth_.mesh_nodes * state + first];
@@ -57,21 +61,54 @@ class Distance {
       }
       return std::sqrt(sum);
     };
-    errors.touch_point_mm += at(truth_.states[state].front_node);
+    sum_.touch_point_mm += at(truth_.states[state].front_node);
     double front = 0;
     for (const std::int32_t node : shape_.front_nodes) front += at(node);
-    errors.front_mm += front / static_cast<double>(shape_.front_nodes.size());
+    sum_.front_mm += front / static_cast<double>(shape_.front_nodes.size());
+    ++count_;
+  }
+
+  ShapeErrors mean() const {
+    const double count = std::max<double>(1, static_cast<double>(count_));
+    return {sum_.touch_point_mm / count, sum_.front_mm / count};
   }
 
  private:
   const FemDataset& truth_;
   const ShapeModel& shape_;
+  ShapeErrors sum_;
+  std::size_t count_ = 0;
 };
+
+// What the firmware's stage answers to the samples' poses, each as after a gap.
+TierAtTouch judge(const char* tier, ShapeStage& stage, const ShapeSamples& samples, const FemDataset& truth,
+                  const ShapeModel& shape) {
+  Distance clean(truth, shape), noisy(truth, shape);
+  std::vector<double> us;
+  std::vector<float> displacement_mm(shape.rest_mm.size());
+  std::size_t by_contact_map = 0;
+  for (std::size_t i = 0; i < samples.state.size(); ++i) {
+    const PlateNumbers numbers = samples.poses.row(static_cast<Eigen::Index>(i)).transpose();
+    stage.reset();
+    const auto start = std::chrono::steady_clock::now();
+    const FingerShape& answer = stage.solve(seen_poses({numbers.data(), 18}));
+    us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+    for (std::size_t k = 0; k < displacement_mm.size(); ++k) displacement_mm[k] = answer.node_mm[k] - shape.rest_mm[k];
+    (samples.noisy[i] ? noisy : clean).add(samples.state[i], displacement_mm);
+    by_contact_map += samples.noisy[i] && answer.source == ShapeSource::kContactMap;
+  }
+  const auto noisy_frames = std::max<std::ptrdiff_t>(1, std::count(samples.noisy.begin(), samples.noisy.end(), true));
+  return {.tier = tier,
+          .clean = clean.mean(),
+          .noisy = noisy.mean(),
+          .us_per_frame = quantile(us, 0.5),
+          .contact_map_share = static_cast<double>(by_contact_map) / static_cast<double>(noisy_frames)};
+}
 
 }  // namespace
 
-ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const ShapeModel& shape, const MountModel& mount,
-                                    const FemDataset& dataset, int rank, std::size_t most_states, std::uint64_t seed) {
+ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const Model& model, const FemDataset& dataset,
+                                    std::size_t most_states, std::uint64_t seed) {
   std::vector<int> path;
   for (const FemState& state : dataset.states) path.push_back(state.path);
   const Split split = group_split(path, 5, 0, seed);
@@ -80,36 +117,52 @@ ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const ShapeModel& sh
   if (train.states.empty() || test.states.empty())
     throw std::runtime_error("training set: too few contact points to hold some out");
 
-  ShapeAtTouch result;
-  result.states = test.states.size();
-  const Distance distance(test, shape);
-  const ShapeSamples energy = converged_shapes(spec, shape, mount, test, 1, seed);
-  double clean = 0, noisy = 0;
+  const ShapeSamples energy = converged_shapes(spec, model.shape, model.mount, test, 1, seed);
+  Distance clean(test, model.shape), noisy(test, model.shape);
   for (std::size_t i = 0; i < energy.state.size(); ++i) {
     const Eigen::VectorXf u = energy.displacement_mm.row(static_cast<Eigen::Index>(i)).transpose();
-    distance.add(energy.state[i], {u.data(), static_cast<std::size_t>(u.size())},
-                 energy.noisy[i] ? result.energy_noisy : result.energy_clean);
-    (energy.noisy[i] ? noisy : clean) += 1;
+    (energy.noisy[i] ? noisy : clean).add(energy.state[i], {u.data(), static_cast<std::size_t>(u.size())});
   }
 
-  const ShapeSamples samples = contact_shapes(spec, train, 2, seed + 1);
-  const ShapeMapData data = fit_shape_map(samples.poses, samples.displacement_mm, rank);
-  const ShapeMap map(data.view(), shape);
-  std::vector<float> node_mm(shape.rest_mm.size());
-  for (std::size_t i = 0; i < energy.state.size(); ++i) {
-    map.evaluate(energy.poses.row(static_cast<Eigen::Index>(i)).transpose(), node_mm);
-    for (std::size_t k = 0; k < node_mm.size(); ++k) node_mm[k] -= shape.rest_mm[k];
-    distance.add(energy.state[i], node_mm, energy.noisy[i] ? result.contact_aware_noisy : result.contact_aware_clean);
+  const ShapeMapData map = fit_contact_map(spec, train, seed + 1);
+  ShapeStage stage(model.shape, model.shape_map, model.mount, {.tier = ShapeSettings::Tier::kContact}, map.view());
+  const TierAtTouch contact = judge("contact", stage, energy, test, model.shape);
+  return {.energy_clean = clean.mean(),
+          .energy_noisy = noisy.mean(),
+          .contact_aware_clean = contact.clean,
+          .contact_aware_noisy = contact.noisy,
+          .states = test.states.size()};
+}
+
+std::vector<TierAtTouch> measure_tiers_at_touch(const FingerSpec& spec, const Model& model, const FemDataset& unseen,
+                                                std::uint64_t seed) {
+  using Tier = ShapeSettings::Tier;
+  const ShapeSamples samples = contact_shapes(spec, unseen, 1, seed);
+  std::vector<TierAtTouch> tiers;
+  for (const auto& [name, tier] :
+       {std::pair{"map", Tier::kMap}, {"newton", Tier::kNewton}, {"contact", Tier::kContact}}) {
+    if (tier == Tier::kContact && !model.contact_map) continue;
+    ShapeStage stage(model, {.tier = tier});
+    tiers.push_back(judge(name, stage, samples, unseen, model.shape));
   }
-  for (ShapeErrors* errors : {&result.energy_clean, &result.contact_aware_clean}) {
-    errors->touch_point_mm /= std::max(1.0, clean);
-    errors->front_mm /= std::max(1.0, clean);
+  return tiers;
+}
+
+FemDataset unseen_states(const FingerSpec& spec, const TetMesh& mesh, const FemDataset& dataset, int points,
+                         int forces) {
+  constexpr float kSamePoint_mm = 1;
+  const FemDataset all = make_dataset(spec, mesh, {.points = points, .forces = forces});
+  const auto is_new = [&](std::size_t i) {
+    return std::none_of(dataset.states.begin(), dataset.states.end(), [&](const FemState& known) {
+      return (known.point_mm - all.states[i].point_mm).norm() < kSamePoint_mm;
+    });
+  };
+  std::vector<std::size_t> states;
+  for (std::size_t i = 0; i < all.states.size(); ++i) {
+    if (all.states[i].valid && is_new(i)) states.push_back(i);
   }
-  for (ShapeErrors* errors : {&result.energy_noisy, &result.contact_aware_noisy}) {
-    errors->touch_point_mm /= std::max(1.0, noisy);
-    errors->front_mm /= std::max(1.0, noisy);
-  }
-  return result;
+  if (states.empty()) throw std::runtime_error("training set: holds all points that a test would take");
+  return subset(all, states);
 }
 
 }  // namespace finsight::host

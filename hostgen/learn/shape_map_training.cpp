@@ -7,6 +7,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "hostgen/learn/shape_truth.h"
 #include "hostgen/random.h"
 
 namespace finsight::host {
@@ -96,6 +97,15 @@ ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& 
     for (const double component : basis.row(r)) map.basis.push_back(static_cast<float>(component));
   }
   return map;
+}
+
+// A dimple is small beside the bend, so it takes more basis vectors than the shapes without one do.
+ShapeMapData fit_contact_map(const FingerSpec& spec, const FemDataset& dataset, std::uint64_t seed) {
+  constexpr int kNoisyCopies = 2;
+  constexpr Eigen::Index kRank = 40;
+  const ShapeSamples samples = contact_shapes(spec, dataset, kNoisyCopies, seed);
+  return fit_shape_map(samples.poses, samples.displacement_mm,
+                       static_cast<int>(std::min({kRank, samples.poses.rows(), samples.displacement_mm.cols()})));
 }
 
 }  // namespace finsight::host

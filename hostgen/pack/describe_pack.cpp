@@ -77,6 +77,11 @@ void describe_shape(std::string& text, const Model& model) {
   print(text, "  factor      %zu supernodes, %zu blocks in the matrix, %lld in its factor (3x3 each)\n",
         plan.supernode_start.size() - 1, plan.pattern_row.size(), static_cast<long long>(factor_blocks));
   print(text, "  shape map   rank %d, %d features\n", model.shape_map.rank, ShapeMapModel::kFeatures);
+  if (model.contact_map) {
+    print(text, "  contact map rank %d, %d features\n", model.contact_map.rank, ShapeMapModel::kFeatures);
+  } else {
+    text += "  contact map none: made by an older hostgen; tier \"contact\" needs one\n";
+  }
 }
 
 void describe_touch(std::string& text, const Model& model) {

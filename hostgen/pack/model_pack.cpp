@@ -38,10 +38,10 @@ void add_shape(TensorFile& tensors, const ShapeModel& shape) {
   list(tensor::kRows, shape.cholesky.rows);
 }
 
-void add_shape_map(TensorFile& tensors, const ShapeMapModel& map, std::int64_t nodes) {
-  tensors.add(tensor::kMapScale, {18}, map.scale);
-  tensors.add(tensor::kMapWeights, {map.rank, ShapeMapModel::kFeatures}, map.weights);
-  tensors.add(tensor::kMapBasis, {map.rank, 3 * nodes}, map.basis);
+void add_shape_map(TensorFile& tensors, const tensor::MapNames& names, const ShapeMapModel& map, std::int64_t nodes) {
+  tensors.add(names.scale, {18}, map.scale);
+  tensors.add(names.weights, {map.rank, ShapeMapModel::kFeatures}, map.weights);
+  tensors.add(names.basis, {map.rank, 3 * nodes}, map.basis);
 }
 
 void add_touch(TensorFile& tensors, const TouchModel& touch) {
@@ -71,11 +71,14 @@ void add_mount(TensorFile& tensors, const MountModel& mount) {
   tensors.add(tensor::kMarkerIds, {kPlates}, std::vector<std::int32_t>(mount.marker_id.begin(), mount.marker_id.end()));
 }
 
-void add_self_test(TensorFile& tensors, const SelfTestModel& self_test, std::int64_t nodes) {
+void add_self_test(TensorFile& tensors, const SelfTestModel& self_test, std::int64_t nodes, bool has_contact_map) {
   tensors.add(tensor::kSelfTestPoses, {self_test.cases, 18}, self_test.poses);
   tensors.add(tensor::kSelfTestShape, {self_test.cases, 3 * nodes}, self_test.shape_mm);
   tensors.add(tensor::kSelfTestTouch, {self_test.cases, 7}, self_test.touch);
   tensors.add(tensor::kSelfTestRegisters, {self_test.cases, kMeasurementRegisters}, self_test.registers);
+  if (!has_contact_map) return;
+  tensors.add(tensor::kSelfTestContactShape, {self_test.cases, 3 * nodes}, self_test.contact_shape_mm);
+  tensors.add(tensor::kSelfTestContactRegisters, {self_test.cases, kMeasurementRegisters}, self_test.contact_registers);
 }
 
 }  // namespace
@@ -83,7 +86,7 @@ void add_self_test(TensorFile& tensors, const SelfTestModel& self_test, std::int
 TensorFile pack_tensors(const PackViews& views) {
   TensorFile tensors;
   tensors.metadata = views.notes;
-  tensors.metadata[meta::kFormat] = meta::kFormatVersion;
+  tensors.metadata[meta::kFormat] = std::string(meta::kFormatVersion);
   tensors.metadata[meta::kFinger] = views.finger_name;
   tensors.metadata[meta::kSpecSha256] = views.spec_sha256;
   tensors.metadata[meta::kHostgenVersion] = views.hostgen_version;
@@ -95,13 +98,14 @@ TensorFile pack_tensors(const PackViews& views) {
   tensors.metadata[meta::kRatedDeformation] = decimal(views.rated_deformation_mm);
 
   add_shape(tensors, views.shape);
-  add_shape_map(tensors, views.shape_map, views.shape.nodes);
+  add_shape_map(tensors, tensor::kShapeMap, views.shape_map, views.shape.nodes);
+  if (views.contact_map) add_shape_map(tensors, tensor::kContactMap, views.contact_map, views.shape.nodes);
   add_touch(tensors, views.touch);
   tensors.add(tensor::kPriorMean, {18}, views.prior.mean);
   tensors.add(tensor::kPriorCovariance, {18, 18}, views.prior.covariance);
   tensors.add(tensor::kPriorNoise, {18}, views.prior.noise);
   add_mount(tensors, views.mount);
-  add_self_test(tensors, views.self_test, views.shape.nodes);
+  add_self_test(tensors, views.self_test, views.shape.nodes, bool{views.contact_map});
   return tensors;
 }
 

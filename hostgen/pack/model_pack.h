@@ -19,7 +19,7 @@ struct PackViews {
   MountModel mount;
   PlatePrior prior;
   ShapeModel shape;
-  ShapeMapModel shape_map;
+  ShapeMapModel shape_map, contact_map;  ///< no contact map: a pack as older versions wrote it
   TouchModel touch;
   SelfTestModel self_test;
 };

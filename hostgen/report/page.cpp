@@ -129,6 +129,12 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   out << "<img src=\"touch_error.svg\" alt=\"touch error against plate motion\">\n<img src=\"touch_calibration.svg\" "
          "alt=\"share of errors inside the published radius\">\n";
   add_section(all, "shape", "Shape at the touched point", out);
+  out << "<p>The firmware's tiers with this pack, on finite-element states of points that it was not trained on; "
+         "contact_map_share: noisy frames that the contact-aware map answered (register 43).</p>\n";
+  add_table(all["shape"].value("tiers", json()),
+            {"tier", "touch_point_clean_mm", "touch_point_noisy_mm", "front_clean_mm", "front_noisy_mm", "us_per_frame",
+             "contact_map_share"},
+            out);
   add_section(all, "fem", "Finite-element truth", out);
   out << "<p>The same loads solved by CalculiX: largest distance of a node's place in both.</p>\n";
   add_table(all["fem"].value("calculix", json()), {"element", "tets", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"},

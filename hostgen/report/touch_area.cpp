@@ -29,20 +29,31 @@ json table2_json(const FingerSpec& spec, const FemDataset& dataset, bool quick) 
 }
 
 json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& dataset, bool quick) {
-  constexpr int kRank = 40;
-  const ShapeAtTouch shape =
-      measure_shape_at_touch(spec, model.shape, model.mount, dataset, kRank, quick ? 60 : 600, 1);
-  return {{"touch_point_mm",
-           {{"energy_clean", shape.energy_clean.touch_point_mm},
-            {"energy_noisy", shape.energy_noisy.touch_point_mm},
-            {"contact_aware_clean", shape.contact_aware_clean.touch_point_mm},
-            {"contact_aware_noisy", shape.contact_aware_noisy.touch_point_mm}}},
-          {"front_mm",
-           {{"energy_clean", shape.energy_clean.front_mm},
-            {"energy_noisy", shape.energy_noisy.front_mm},
-            {"contact_aware_clean", shape.contact_aware_clean.front_mm},
-            {"contact_aware_noisy", shape.contact_aware_noisy.front_mm}}},
-          {"states", shape.states}};
+  const ShapeAtTouch shape = measure_shape_at_touch(spec, model, dataset, quick ? 60 : 600, 1);
+  json figures = {{"touch_point_mm",
+                   {{"energy_clean", shape.energy_clean.touch_point_mm},
+                    {"energy_noisy", shape.energy_noisy.touch_point_mm},
+                    {"contact_aware_clean", shape.contact_aware_clean.touch_point_mm},
+                    {"contact_aware_noisy", shape.contact_aware_noisy.touch_point_mm}}},
+                  {"front_mm",
+                   {{"energy_clean", shape.energy_clean.front_mm},
+                    {"energy_noisy", shape.energy_noisy.front_mm},
+                    {"contact_aware_clean", shape.contact_aware_clean.front_mm},
+                    {"contact_aware_noisy", shape.contact_aware_noisy.front_mm}}},
+                  {"states", shape.states}};
+  // The pack's own maps have seen every point of the set: others judge them.
+  const FemDataset unseen = unseen_states(spec, make_mesh(spec), dataset, quick ? 17 : 43, quick ? 4 : 8);
+  figures["unseen_states"] = unseen.states.size();
+  for (const TierAtTouch& tier : measure_tiers_at_touch(spec, model, unseen, 1)) {
+    figures["tiers"].push_back({{"tier", tier.tier},
+                                {"touch_point_clean_mm", tier.clean.touch_point_mm},
+                                {"touch_point_noisy_mm", tier.noisy.touch_point_mm},
+                                {"front_clean_mm", tier.clean.front_mm},
+                                {"front_noisy_mm", tier.noisy.front_mm},
+                                {"us_per_frame", tier.us_per_frame},
+                                {"contact_map_share", tier.contact_map_share}});
+  }
+  return figures;
 }
 
 // Mean error with what 95 % stay below, and how many errors the published radius holds.

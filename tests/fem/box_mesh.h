@@ -63,8 +63,14 @@ inline host::TetMesh small_finger_mesh() {
     for (const int node : mesh.tets[t]) y += mesh.node_mm[static_cast<std::size_t>(node)][1] / 4;
     for (int p = 0; p < kPlates; ++p) {
       const double lowest = 50 - 15 * p;
-      if (y > lowest && y < lowest + 5) mesh.region[t] = host::kFirstPlateRegion + p;
+      if (y <= lowest || y >= lowest + 5) continue;
+      mesh.region[t] = host::kFirstPlateRegion + p;
+      mesh.plate_nodes[p].insert(mesh.plate_nodes[p].end(), mesh.tets[t].begin(), mesh.tets[t].end());
     }
+  }
+  for (std::vector<int>& nodes : mesh.plate_nodes) {
+    std::sort(nodes.begin(), nodes.end());
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
   }
   return mesh;
 }

@@ -59,6 +59,8 @@ TEST_CASE("values: refuses a free node that no tet holds") {
 TEST_CASE("values: refuses scales that are not positive") {
   const HostileModel all[] = {
       {"map", [](TinyModel& t) { t.map_scale[17] = 0; }, "'map.scale': found 0.000000 at element 17"},
+      {"contact map", [](TinyModel& t) { t.contact_basis[3] = std::numeric_limits<float>::quiet_NaN(); },
+       "'contact_map.basis': found element 3 not finite"},
       {"touch", [](TinyModel& t) { t.touch_scale[0] = -1; }, "'touch.scale': found -1.000000 at element 0"},
       {"input", [](TinyModel& t) { t.input_scale[2] = 1e30f; }, "'touch.input_scale'"},
       {"output", [](TinyModel& t) { t.output_scale[2] = 0; }, "'touch.output_scale'"},
@@ -109,6 +111,7 @@ TEST_CASE("values: refuses a self-test beyond any finger") {
       {"motion", [](TinyModel& t) { t.test_poses[18] = 300; }, "'self_test.poses': found case 1 out of range"},
       {"turn", [](TinyModel& t) { t.test_poses[3] = 4; }, "'self_test.poses': found case 0 out of range"},
       {"shape", [](TinyModel& t) { t.test_shape_mm[1] = -1e6f; }, "'self_test.shape_mm'"},
+      {"contact shape", [](TinyModel& t) { t.test_contact_shape_mm[1] = -1e6f; }, "'self_test.contact_shape_mm'"},
   };
   check_refused(all);
 }

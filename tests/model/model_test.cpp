@@ -71,6 +71,10 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(same(model.shape_map.scale, tiny.map_scale));
   CHECK(same(model.shape_map.weights, tiny.map_weights));
   CHECK(same(model.shape_map.basis, tiny.map_basis));
+  CHECK(model.contact_map.rank == 2);
+  CHECK(same(model.contact_map.scale, tiny.map_scale));
+  CHECK(same(model.contact_map.weights, tiny.map_weights));
+  CHECK(same(model.contact_map.basis, tiny.contact_basis));
   CHECK(same(model.touch.scale, tiny.touch_scale));
   CHECK(same(model.touch.input_mean, tiny.input_mean));
   CHECK(same(model.touch.input_scale, tiny.input_scale));
@@ -99,6 +103,8 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(same(model.self_test.shape_mm, tiny.test_shape_mm));
   CHECK(same(model.self_test.touch, tiny.test_touch));
   CHECK(same(model.self_test.registers, tiny.test_registers));
+  CHECK(same(model.self_test.contact_shape_mm, tiny.test_contact_shape_mm));
+  CHECK(same(model.self_test.contact_registers, tiny.test_contact_registers));
 }
 
 TEST_CASE("model: refuses every tensor that is missing, by name") {
@@ -109,6 +115,18 @@ TEST_CASE("model: refuses every tensor that is missing, by name") {
     const std::string reason = "tensor '" + entry.name + "': found nothing, expected a tensor of this name";
     CHECK(refusal(folder, bytes) == doctest::Contains(reason.c_str()));
   }
+}
+
+TEST_CASE("model: a pack of before there was a contact map opens without one") {
+  const ScratchFolder folder;
+  TinyModel tiny;
+  tiny.has_contact_map = false;
+  const TensorFile tensors = host::pack_tensors(tiny.views());
+  for (const TensorFile::Entry& entry : tensors.entries()) CHECK(entry.name.find("contact") == std::string::npos);
+  const Model model = tiny.open();
+  CHECK_FALSE(model.contact_map);
+  CHECK(model.self_test.contact_shape_mm.empty());
+  CHECK(same(model.self_test.shape_mm, tiny.test_shape_mm));
 }
 
 TEST_CASE("model: refuses every tensor of another type, by name") {
@@ -140,9 +158,12 @@ TEST_CASE("model: refuses tensors of another shape, with what was found and expe
       {zeros<std::int32_t>(tensor::kSupernodeStart, {1}), "found length 1, expected 2 to 28"},
       {zeros<std::int32_t>(tensor::kSupernodeStart, {29}), "found length 29, expected 2 to 28"},
       {zeros<std::int32_t>(tensor::kRowsStart, {27}), "found I32 [27], expected I32 [28]"},
-      {zeros<float>(tensor::kMapWeights, {0, 190}), "found length 0, expected 1 to 64"},
-      {zeros<float>(tensor::kMapWeights, {2, 189}), "expected F32 [2, 190]"},
-      {zeros<float>(tensor::kMapBasis, {3, 126}), "found F32 [3, 126], expected F32 [2, 126]"},
+      {zeros<float>(tensor::kShapeMap.weights, {0, 190}), "found length 0, expected 1 to 64"},
+      {zeros<float>(tensor::kShapeMap.weights, {2, 189}), "expected F32 [2, 190]"},
+      {zeros<float>(tensor::kShapeMap.basis, {3, 126}), "found F32 [3, 126], expected F32 [2, 126]"},
+      {zeros<float>(tensor::kContactMap.weights, {65, 190}), "found length 65, expected 1 to 64"},
+      {zeros<float>(tensor::kContactMap.basis, {2, 123}), "found F32 [2, 123], expected F32 [2, 126]"},
+      {zeros<float>(tensor::kSelfTestContactShape, {1, 126}), "found F32 [1, 126], expected F32 [2, 126]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[0], {8, 21}), "found I8 [8, 21], expected I8 [8, 22]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[1], {8, 9}), "found I8 [8, 9], expected I8 [8, 8]"},
       {zeros<float>(tensor::kTouchBias[2], {12}), "found F32 [12], expected F32 [11]"},

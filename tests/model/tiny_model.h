@@ -23,14 +23,16 @@ struct TinyModel {
   std::vector<std::int32_t> tet_nodes, free_index, front_nodes;
   std::vector<std::uint8_t> node_kind;
   std::vector<std::int32_t> order, pattern_start{0}, pattern_row, supernode_start{0}, rows_start{0}, rows;
-  std::vector<float> map_scale, map_weights, map_basis;
+  std::vector<float> map_scale, map_weights, map_basis,
+      contact_basis;  ///< the contact map has the same scale and weights
+  bool has_contact_map = true;
   std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale,
       radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1};
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::vector<float> prior_mean, prior_covariance, prior_noise;
-  std::vector<float> test_poses, test_shape_mm, test_touch;
-  std::vector<std::uint16_t> test_registers;
+  std::vector<float> test_poses, test_shape_mm, test_touch, test_contact_shape_mm;
+  std::vector<std::uint16_t> test_registers, test_contact_registers;
   host::PackViews parts;  ///< the numbers and texts; views() adds the arrays
 
   TinyModel() {
@@ -58,6 +60,7 @@ struct TinyModel {
         static_cast<int>(order.size()), order, pattern_start, pattern_row, supernode_start, rows_start, rows};
     all.shape = {kNodes, tets, rest_mm, tet_nodes, node_kind, free_index, front_nodes, plan};
     all.shape_map = {kRank, map_scale, map_weights, map_basis};
+    if (has_contact_map) all.contact_map = {kRank, map_scale, map_weights, contact_basis};
     all.touch.scale = touch_scale;
     all.touch.input_mean = input_mean;
     all.touch.input_scale = input_scale;
@@ -68,7 +71,8 @@ struct TinyModel {
       all.touch.layers[i] = {layer_width(i), layer_width(i + 1), weights[i], weight_scale[i], bias[i]};
     }
     all.prior = {prior_mean, prior_covariance, prior_noise};
-    all.self_test = {kCases, test_poses, test_shape_mm, test_touch, test_registers};
+    all.self_test = {
+        kCases, test_poses, test_shape_mm, test_touch, test_registers, test_contact_shape_mm, test_contact_registers};
     return all;
   }
 
@@ -166,6 +170,7 @@ struct TinyModel {
     map_weights = numbers(random, kRank * ShapeMapModel::kFeatures, 0.1f);
     for (int r = 0; r < kRank; ++r) map_weights[static_cast<std::size_t>(r * ShapeMapModel::kFeatures)] = 0;  // rest
     map_basis = numbers(random, kRank * 3 * kNodes, 0.1f);
+    for (const float value : map_basis) contact_basis.push_back(0.5f * value);
   }
 
   void make_network(Random& random) {
@@ -213,8 +218,10 @@ struct TinyModel {
   void make_self_test(Random& random) {
     test_poses = numbers(random, 18 * kCases, 0.05f);
     for (int c = 0; c < kCases; ++c) test_shape_mm.insert(test_shape_mm.end(), rest_mm.begin(), rest_mm.end());
+    test_contact_shape_mm = test_shape_mm;
     test_touch.assign(7 * kCases, 0);
     test_registers.assign(kMeasurementRegisters * kCases, 0);
+    test_contact_registers = test_registers;
   }
 };
 

@@ -54,6 +54,12 @@ TEST_CASE("model pack: a note cannot replace the pack's own metadata") {
   CHECK(model.file().metadata("text") == "\"checksum\":\"00000000\"");
 }
 
+TEST_CASE("model pack: without a contact map its description says so") {
+  TinyModel tiny;
+  tiny.has_contact_map = false;
+  CHECK(host::describe_model_pack(tiny.open()).find("contact map none") != std::string::npos);
+}
+
 TEST_CASE("model pack: its description shows metadata, sizes, tensors, mount, thresholds and self-test") {
   const ScratchFolder folder;
   TinyModel tiny;
@@ -63,8 +69,9 @@ TEST_CASE("model pack: its description shows metadata, sizes, tensors, mount, th
   CAPTURE(text);
   for (const char* part :
        {"finger \"tiny\"", "touch_rmse_mm                0.25", "42 nodes (27 free, 21 on the touched face), 72",
-        "27 supernodes", "rank 2", "22 -> 8 -> 8 -> 11", "touch from 2 to 40 mm", "1000 per mille at 10 mm", "marker 4, 8 mm",
-        "case 1", "shape.rest_mm", "42 x 3", "504 bytes  -15 to 120", "touch.weights0             I8   8 x 22"}) {
+        "27 supernodes", "shape map   rank 2", "contact map rank 2", "contact_map.basis", "self_test.contact_shape_mm",
+        "22 -> 8 -> 8 -> 11", "touch from 2 to 40 mm", "1000 per mille at 10 mm", "marker 4, 8 mm", "case 1",
+        "shape.rest_mm", "42 x 3", "504 bytes  -15 to 120", "touch.weights0             I8   8 x 22"}) {
     CAPTURE(part);
     CHECK(text.find(part) != std::string::npos);
   }

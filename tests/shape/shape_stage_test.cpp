@@ -5,10 +5,13 @@
 #include <limits>
 #include <tuple>
 
+#include "firmware/input_error.h"
 #include "firmware/shape/newton.h"
 #include "firmware/shape/shape_map.h"
+#include "firmware/shape/shape_measures.h"
 #include "hostgen/fem/shape_model.h"
 #include "tests/count_allocations.h"
+#include "tests/model/tiny_model.h"
 #include "tests/shape/finger_motion.h"
 #include "tests/shape/frame_mesh.h"
 
@@ -52,9 +55,33 @@ const Finger& finger() {
 
 PlatePoses slope(double mm) { return finger().slope(mm); }
 
+/// The contact map pushes one free node of the front face a tenth further in than the shape map bends it.
+struct Dimple {
+  Dimple() : basis(finger().basis), scale(finger().scale) {
+    const auto& front = finger().data.front_nodes;
+    const auto& kind = finger().data.node_kind;
+    const auto is_free = [&](std::int32_t n) { return kind[static_cast<std::size_t>(n)] == 0; };
+    std::vector<std::int32_t> free_front;
+    std::copy_if(front.begin(), front.end(), std::back_inserter(free_front), is_free);
+    node = static_cast<std::size_t>(free_front.at(free_front.size() / 2));
+    basis[3 * node + 2] += 0.1f;
+    for (float& factor : scale) factor = 0.2f;  // trained up to 5 mm
+    weights = finger().weights;
+    weights[1 + 2] = 5;
+  }
+  ShapeMapModel view() const { return {1, scale, weights, basis}; }
+  std::size_t node;
+  std::vector<float> basis, scale, weights;
+};
+
+const Dimple& dimple() {
+  static const Dimple the_dimple;
+  return the_dimple;
+}
+
 ShapeStage stage_of(Tier tier) {
   const Finger& f = finger();
-  return {f.data.view(), {1, f.scale, f.weights, f.basis}, f.mount, {.tier = tier}};
+  return {f.data.view(), {1, f.scale, f.weights, f.basis}, f.mount, {.tier = tier}, dimple().view()};
 }
 
 double distance(const FingerShape& shape, const std::vector<double>& expected) {
@@ -79,7 +106,7 @@ TEST_CASE("shape stage: every tier starts from the map and says who answered") {
   const PlatePoses poses = slope(2);
   const std::vector<double> expected = finger().converged(poses);
   for (const auto& [tier, source, iterations, largest_error_mm] :
-       {std::tuple{Tier::kMap, ShapeSource::kMap, 0, 0.1},
+       {std::tuple{Tier::kMap, ShapeSource::kMap, 0, 0.1}, std::tuple{Tier::kContact, ShapeSource::kContactMap, 0, 0.3},
         std::tuple{Tier::kMapAndNewton, ShapeSource::kNewton, 2, 1e-3},
         std::tuple{Tier::kNewton, ShapeSource::kNewton, 2, 1e-3}}) {
     ShapeStage stage = stage_of(tier);
@@ -94,7 +121,7 @@ TEST_CASE("shape stage: every tier starts from the map and says who answered") {
 
 TEST_CASE("shape stage: the plates are exactly rigid in every tier") {
   const PlatePoses poses = Bend{4, 2, 10}.poses(finger().mount);
-  for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
+  for (const Tier tier : {Tier::kMap, Tier::kContact, Tier::kMapAndNewton, Tier::kNewton}) {
     ShapeStage stage = stage_of(tier);
     const FingerShape& shape = stage.solve(poses);
     double gap_mm = 0;
@@ -191,7 +218,7 @@ TEST_CASE("shape stage: poses that cannot be keep the last shape, flagged") {
 }
 
 TEST_CASE("shape stage: plates where no finger has them are flagged, and it recovers at once") {
-  for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
+  for (const Tier tier : {Tier::kMap, Tier::kContact, Tier::kMapAndNewton, Tier::kNewton}) {
     ShapeStage stage = stage_of(tier);
     stage.solve(slope(2));
     for (int k = 0; k < 20; ++k) {
@@ -203,7 +230,9 @@ TEST_CASE("shape stage: plates where no finger has them are flagged, and it reco
     const FingerShape& shape = stage.solve(slope(2));
     CHECK_FALSE(shape.fallback);
     CHECK(shape.quality == Quality::kFresh);
-    CHECK(distance(shape, finger().converged(slope(2))) < (tier == Tier::kMap ? 0.1 : 1e-3));
+    CHECK(distance(shape, finger().converged(slope(2))) < (tier == Tier::kMap       ? 0.1
+                                                           : tier == Tier::kContact ? 0.3
+                                                                                    : 1e-3));
   }
 }
 
@@ -239,7 +268,7 @@ TEST_CASE("shape stage: a map that turns elements inside out never goes out, in 
 }
 
 TEST_CASE("shape stage: before the first shape there is none to hold") {
-  for (const Tier tier : {Tier::kMap, Tier::kNewton}) {
+  for (const Tier tier : {Tier::kMap, Tier::kContact, Tier::kNewton}) {
     ShapeStage stage = stage_of(tier);
     PlatePoses bad = slope(2);
     bad.plates[kLowPlate].displacement_mm.x() = std::numeric_limits<float>::infinity();
@@ -254,7 +283,7 @@ TEST_CASE("shape stage: before the first shape there is none to hold") {
 TEST_CASE("shape stage: solve does not allocate, in any tier, whatever happens") {
   std::vector<PlatePoses> all = {slope(1), PlatePoses{}, slope(25), slope(-25), below_base(), slope(1)};
   all.back().plates[0].displacement_mm.x() = std::numeric_limits<float>::quiet_NaN();
-  for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
+  for (const Tier tier : {Tier::kMap, Tier::kContact, Tier::kMapAndNewton, Tier::kNewton}) {
     ShapeStage stage = stage_of(tier);
     const long before = test::allocations;
     for (const PlatePoses& poses : all) stage.solve(poses);
@@ -277,4 +306,54 @@ TEST_CASE("shape stage: the measures alone are those of the map's shape") {
     CHECK(alone.largest_mm == doctest::Approx(whole.largest_mm).epsilon(0.02));
   }
   CHECK(measures.solve(PlatePoses{}).quality == Quality::kInvalid);
+}
+
+TEST_CASE("shape stage: the contact tier's shape has the contact map's dimple, and it is measured") {
+  ShapeStage contact = stage_of(Tier::kContact), map = stage_of(Tier::kMap);
+  for (const double mm : {0.5, 2.0, -1.0}) {
+    const FingerShape& dented = contact.solve(slope(mm));
+    const FingerShape& plain = map.solve(slope(mm));
+    CHECK(dented.source == ShapeSource::kContactMap);
+    const float top_z_mm = slope(mm).plates[kTopPlate].displacement_mm.z();
+    for (std::size_t i = 0; i < plain.node_mm.size(); ++i) {
+      const float expected_mm = i == 3 * dimple().node + 2 ? 0.1f * top_z_mm : 0;
+      CHECK(dented.node_mm[i] - plain.node_mm[i] == doctest::Approx(expected_mm).epsilon(1e-3));
+    }
+    const ShapeMeasures expected =
+        measure_shape<float>(finger().data.rest_mm, finger().data.front_nodes, dented.node_mm);
+    CHECK(dented.front_rms_mm == expected.front_rms_mm);
+    CHECK(dented.largest_mm == expected.largest_mm);
+  }
+}
+
+TEST_CASE("shape stage: beyond the contact map's training, and where its shape is none, the shape map answers") {
+  ShapeStage contact = stage_of(Tier::kContact), map = stage_of(Tier::kMap);
+  const PlatePoses near = slope(4), far = slope(8);
+  REQUIRE(near.plates[kTopPlate].displacement_mm.norm() < 5);
+  REQUIRE(far.plates[kTopPlate].displacement_mm.norm() > 6.3f);
+  CHECK(contact.solve(near).source == ShapeSource::kContactMap);
+  CHECK(contact.solve(far).source == ShapeSource::kMap);
+  CHECK_FALSE(contact.solve(far).fallback);
+  CHECK(copy(contact.solve(far)) == copy(map.solve(far)));
+
+  const Finger& f = finger();
+  std::vector<float> torn = dimple().basis;
+  torn[3 * dimple().node + 2] += 50;  // turns elements inside out
+  ShapeStage bad(f.data.view(), {1, f.scale, f.weights, f.basis}, f.mount, {.tier = Tier::kContact},
+                 {1, dimple().scale, dimple().weights, torn});
+  const FingerShape& shape = bad.solve(slope(2));
+  CHECK(shape.source == ShapeSource::kMap);
+  CHECK_FALSE(shape.fallback);
+  CHECK(copy(shape) == copy(map.solve(slope(2))));
+}
+
+TEST_CASE("shape stage: the contact tier needs a pack with a contact map, and says so") {
+  test::TinyModel tiny;
+  tiny.has_contact_map = false;
+  const Model without = tiny.open(), with = test::TinyModel().open();
+  CHECK_THROWS_WITH_AS(ShapeStage(without, {.tier = Tier::kContact}),
+                       doctest::Contains("pack: contact map: found none, expected one for tier \"contact\""),
+                       InputError);
+  CHECK_NOTHROW(ShapeStage(without, {.tier = Tier::kMap}));
+  CHECK_NOTHROW(ShapeStage(with, {.tier = Tier::kContact}));
 }

@@ -17,7 +17,7 @@ SPEC = SOURCE / "hostgen" / "fingers" / "srm.toml"
 SKIPPED = 77
 LATENCY = 4          # depends on the machine's speed
 FLOATS = range(20, 32, 2)
-EXACT = {0: "status", 1: "fault", 2: "heartbeat", 33: "frame counter", 34: "dropped frames", 35: "iterations"}
+EXACT = {0: "status", 1: "fault", 2: "heartbeat", 33: "frame counter", 34: "dropped frames", 35: "iterations", 43: "shape source"}
 
 
 def run(*words):
@@ -62,14 +62,16 @@ pack = WORK / "srm.safetensors"
 if not pack.exists() or pack.stat().st_mtime < max((HOST / "hostgen").stat().st_mtime, SPEC.stat().st_mtime):
     run(HOST / "hostgen", "build", SPEC, "-o", pack, "--profile", "quick")
 run(HOST / "hostgen", "render", SPEC, "-o", WORK / "session", "--seconds", 2)
-(WORK / "board.toml").write_text('pack = "srm.safetensors"\n[source]\nkind = "session"\npath = "session"\n'
-                                 'speed = "full"\n[modbus]\nport = 0\n')
-workstation, board = replay("workstation", HOST / "finsightd"), replay("board", *EMULATOR, FINSIGHTD)
-if len(workstation) != len(board):
-    sys.exit(f"{len(workstation)} frames on the workstation, {len(board)} on the board")
-found = [f"frame {k}: {text}" for k, pair in enumerate(zip(workstation, board)) for text in differences(*pair)]
-touched = sum(row[0] >> 1 & 1 for row in workstation)
-equal = sum(a[:LATENCY] + a[LATENCY + 1:] == b[:LATENCY] + b[LATENCY + 1:] for a, b in zip(workstation, board))
-print(f"{len(board)} frames, {touched} with a touch; {equal} equal to the bit, {len(found)} differences above one count")
-if found:
-    sys.exit("\n".join(found[:20]))
+for tier in ("newton", "contact"):
+    (WORK / "board.toml").write_text('pack = "srm.safetensors"\n[source]\nkind = "session"\npath = "session"\n'
+                                     f'speed = "full"\n[shape]\ntier = "{tier}"\n[modbus]\nport = 0\n')
+    workstation, board = replay("workstation", HOST / "finsightd"), replay("board", *EMULATOR, FINSIGHTD)
+    if len(workstation) != len(board):
+        sys.exit(f"{len(workstation)} frames on the workstation, {len(board)} on the board")
+    found = [f"frame {k}: {text}" for k, pair in enumerate(zip(workstation, board)) for text in differences(*pair)]
+    touched = sum(row[0] >> 1 & 1 for row in workstation)
+    equal = sum(a[:LATENCY] + a[LATENCY + 1:] == b[:LATENCY] + b[LATENCY + 1:] for a, b in zip(workstation, board))
+    print(f"tier {tier}: {len(board)} frames, {touched} with a touch; {equal} equal to the bit, {len(found)} differences "
+          "above one count")
+    if found:
+        sys.exit("\n".join(found[:20]))
