@@ -8,7 +8,8 @@ namespace finsight {
 
 FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings)
     : model_(model), shape_(model, settings.shape), touch_(model) {
-  if (camera) vision_.emplace(model, *camera);
+  const MountModel mount = settings.mount ? corrected_mount(model.mount, *settings.mount) : model.mount;
+  if (camera) vision_.emplace(mount, model.prior, *camera);
   state_.model_checksum = model.checksum;
   state_.rated_deformation_mm = model.rated_deformation_mm;
   state_.settings = settings.live;
