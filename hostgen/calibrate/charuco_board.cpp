@@ -104,7 +104,6 @@ std::optional<Vec2f> refine(const cv::Mat& picture, const Prediction& predicted)
 /// Width of the edge between a black and a white square in the middle between two corners: contrast over largest slope.
 /// A sharp edge has one pixel, a Gaussian blur of standard deviation s has 2.5 s. Nothing at the picture's border.
 std::optional<double> edge_width_px(const GreyView& picture, const Vec2f& a, const Vec2f& b) {
-  constexpr int kSteps = 8;
   const Vec2f along = b - a, middle = (a + b) / 2;
   const Vec2f across = Vec2f(-along.y(), along.x()) * (0.9F / kSquare);  // nearly to the marker
   const Vec2f low = middle - across.cwiseAbs(), high = middle + across.cwiseAbs();
@@ -113,13 +112,14 @@ std::optional<double> edge_width_px(const GreyView& picture, const Vec2f& a, con
     return std::nullopt;
   }
   float darkest = 255, brightest = 0, steepest = 0, before = 0;
-  const float step_px = across.norm() / kSteps;
-  for (int i = -kSteps; i <= kSteps; ++i) {
-    const Vec2f at = middle + across * (static_cast<float>(i) / kSteps);
+  const int steps = static_cast<int>(std::ceil(2 * across.norm()));  // of half a pixel
+  const float step_px = across.norm() / static_cast<float>(steps);
+  for (int i = -steps; i <= steps; ++i) {
+    const Vec2f at = middle + across * (static_cast<float>(i) / static_cast<float>(steps));
     const float grey = picture.sample(at.x(), at.y());
     darkest = std::min(darkest, grey);
     brightest = std::max(brightest, grey);
-    if (i > -kSteps) steepest = std::max(steepest, std::abs(grey - before) / step_px);
+    if (i > -steps) steepest = std::max(steepest, std::abs(grey - before) / step_px);
     before = grey;
   }
   if (steepest == 0) return std::nullopt;
