@@ -18,10 +18,10 @@ std::string text(const char* format, Values... values) {
   return buffer;
 }
 
-/// Decimals of number i: thousandths of a pixel, and as fine for the coefficients.
-double rounded(double value, std::size_t i) {
-  const double unit = i < 4 ? 1e-3 : 1e-6;
-  return std::round(value / unit) * unit;
+/// To thousandths of a pixel, and as fine for the coefficients.
+double rounded(double value, std::size_t number) {
+  const double per_unit = number < 4 ? 1e3 : 1e6;
+  return std::round(value * per_unit) / per_unit;
 }
 
 }  // namespace
@@ -56,9 +56,11 @@ std::string calibration_text(const LensCalibration& lens, const Coverage& covera
   }
   out += text("views whose left side is nearer by %.0f degrees or more: %d, right: %d, upper: %d, lower: %d\n",
               kTiltDeg, coverage.tilted[0], coverage.tilted[1], coverage.tilted[2], coverage.tilted[3]);
-  for (const std::string& corner : coverage.no_lens) {
-    out += "no line of sight in the " + corner +
-           " corner of the picture, where the model turns back: a marker there is not " + "measured\n";
+  if (!coverage.no_lens.empty()) {
+    out += "the model turns back in these corners of the picture, a marker there is not measured:";
+    for (const std::string& corner : coverage.no_lens)
+      out += (&corner == coverage.no_lens.data() ? " " : ", ") + corner;
+    out += "\n";
   }
   const std::vector<std::string> lines = advice(coverage);
   if (lines.empty()) return out + "nothing is missing\n";

@@ -176,11 +176,17 @@ TEST_CASE("lens calibration: coverage counts ninths of the picture and tilts, an
   CHECK(says(lines[0], "show the board in the lower left, tilted so that its left side is nearer"));
   CHECK(says(lines[1], "upper side is nearer"));
 
+  const std::string shown = view_table(views) + calibration_text(lens, coverage);
+  CHECK(says(shown, "rejected: left out"));
+  CHECK(says(shown, "to do better:\n  show the board in the lower left"));
+
   LensCalibration folding = lens;
   folding.value[5] = 0;
   folding.value[8] = 0;
   folding.value[4] = -0.45;  // without the higher coefficients it turns back before the corners
-  CHECK_FALSE(coverage_of(folding, views).no_lens.empty());
+  const Coverage folded = coverage_of(folding, views);
+  CHECK(folded.no_lens.size() == 4);
+  CHECK(says(calibration_text(folding, folded), "not measured: upper left, upper right, lower left, lower right"));
 }
 
 TEST_CASE("lens calibration: a tilt is counted for the side that is nearer") {
@@ -211,6 +217,8 @@ TEST_CASE("lens calibration: its file is what a board file takes, for this pictu
     return folder.write("board.toml", "pack = \"p\"\n[source]\nkind = \"camera\"\n" + size +
                                           "frames_per_second = 60\n" + more + "[modbus]\n");
   };
+  const std::string text = lens_file(lens, "pictures");
+  CHECK(text.substr(text.find("k1_k2")).size() < 80);  // decimals that mean something
   const std::string vga = "width_px = 640\nheight_px = 480\n";
   const CameraModel named = read_settings(board(vga, "lens = \"lens.toml\"\n")).lens;
   CHECK(named.fx == doctest::Approx(lens.value[0]).epsilon(1e-5));
