@@ -112,7 +112,7 @@ TEST_CASE("board views: a long video is thinned out until few enough views are l
     view.sight.edge_px = 2;
     for (int id = 0; id < kBoard.corners(); ++id) {
       view.sight.id.push_back(id);
-      view.sight.corner_px.push_back((20 * kBoard.corner(id)).cast<float>() + Vec2f(static_cast<float>(i), 0));
+      view.sight.corner_px.push_back((20 * kBoard.corner(id)).cast<float>() + Vec2f(static_cast<float>(3 * i), 0));
     }
     views.push_back(view);
   }
