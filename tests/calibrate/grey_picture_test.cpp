@@ -79,7 +79,7 @@ TEST_CASE("grey picture: files with wrong bytes are read or refused, nothing els
     std::string bytes = is_png ? png : pgm;
     for (int wrong = 0; wrong < 3; ++wrong) {
       bytes[static_cast<std::size_t>(random.uniform() * static_cast<double>(bytes.size()))] =
-          static_cast<char>(256 * random.uniform());
+          static_cast<char>(static_cast<int>(256 * random.uniform()));
     }
     refused += refusal(is_png ? read_png : read_pgm, folder.write("a", bytes)) != "accepted";
   }
