@@ -18,7 +18,7 @@ namespace finsight {
 
 struct LoopSettings {
   ShapeSettings shape;
-  LiveSettings live;  ///< the first; see use()
+  LiveSettings live;                                  ///< the first; see use()
   std::optional<MeasuredMount> mount = std::nullopt;  ///< of this device, instead of the model's
 };
 

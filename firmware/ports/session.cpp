@@ -97,10 +97,9 @@ std::string session_info_toml(const SessionInfo& info) {
   const auto id = [&](int plate) { return std::to_string(info.marker_id[plate]); };
   return "description = " + quoted(info.description) + "\nwidth_px = " + std::to_string(info.width_px) +
          "\nheight_px = " + std::to_string(info.height_px) +
-         "\nframes_per_second = " + shortest(info.frames_per_second) +
-         "\n\n[camera]  # pixels; OpenCV's convention\n" + lens_toml(info) +
-         "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) + "\nid = [" +
-         id(kTopPlate) + ", " + id(kMiddlePlate) + ", " + id(kLowPlate) +
+         "\nframes_per_second = " + shortest(info.frames_per_second) + "\n\n[camera]  # pixels; OpenCV's convention\n" +
+         lens_toml(info) + "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) +
+         "\nid = [" + id(kTopPlate) + ", " + id(kMiddlePlate) + ", " + id(kLowPlate) +
          "]\nsize_mm = " + shortest(info.marker_size_mm) + "\n";
 }
 

@@ -27,9 +27,9 @@ struct LensCalibration {
 inline constexpr std::size_t kFewestViews = 6;
 
 /// Pinhole and Brown-Conrady by cv::calibrateCamera (Zhang, "A flexible new technique for camera calibration", 2000),
-/// from the views that are not rejected. Corners and views that the rest does not explain are left out on the way. Fills what
-/// views have of the calibration. Throws InputError (`name` stands for the file) if fewer than kFewestViews are left or
-/// they do not determine a lens.
+/// from the views that are not rejected. Corners and views that the rest does not explain are left out on the way.
+/// Fills what views have of the calibration. Throws InputError (`name` stands for the file) if fewer than kFewestViews
+/// are left or they do not determine a lens.
 LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name);
 
 /// How well the views cover what they should.

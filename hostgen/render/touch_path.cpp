@@ -82,10 +82,9 @@ FemState touched(FingerStatics& finger, const Vec3f& point_mm, double force_n) {
 
 const std::vector<std::pair<std::string, TouchPlan::Path>>& touch_paths() {
   using Path = TouchPlan::Path;
-  static const std::vector<std::pair<std::string, Path>> paths = {{"wander", Path::kWander}, {"fast", Path::kFast},
-                                                                  {"circle", Path::kCircle}, {"square", Path::kSquare},
-                                                                  {"eight", Path::kEight},   {"star", Path::kStar},
-                                                                  {"rest", Path::kRest}};
+  static const std::vector<std::pair<std::string, Path>> paths = {
+      {"wander", Path::kWander}, {"fast", Path::kFast}, {"circle", Path::kCircle}, {"square", Path::kSquare},
+      {"eight", Path::kEight},   {"star", Path::kStar}, {"rest", Path::kRest}};
   return paths;
 }
 
