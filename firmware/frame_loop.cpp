@@ -7,8 +7,13 @@
 namespace finsight {
 
 FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings)
-    : model_(model), shape_(model, settings.shape), touch_(model), mount_check_(model.mount), filter_(settings.smoothing_ms) {
-  if (camera) vision_.emplace(model, *camera);
+    : model_(model),
+      shape_(model, settings.shape),
+      touch_(model),
+      mount_check_(model.mount),
+      filter_(settings.smoothing_ms) {
+  const MountModel mount = settings.mount ? corrected_mount(model.mount, *settings.mount) : model.mount;
+  if (camera) vision_.emplace(mount, model.prior, *camera);
   state_.model_checksum = model.checksum;
   state_.rated_deformation_mm = model.rated_deformation_mm;
   state_.settings = settings.live;

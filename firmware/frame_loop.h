@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "firmware/measured_mount.h"
 #include "firmware/modbus/registers.h"
 #include "firmware/model/model.h"
 #include "firmware/shape/shape_stage.h"
@@ -19,6 +20,7 @@ struct LoopSettings {
   ShapeSettings shape;
   LiveSettings live;        ///< the first; see use()
   double smoothing_ms = 0;  ///< delay of the low-pass on plate motions, see PoseFilter; 0: none
+  std::optional<MeasuredMount> mount = std::nullopt;  ///< of this device, instead of the model's
 };
 
 /// Frame in, registers out. The model must outlive the loop. After construction nothing allocates (but OpenCV's marker
@@ -26,7 +28,7 @@ struct LoopSettings {
 class FrameLoop {
  public:
   /// Without a camera only frames that carry recorded poses can be processed. Throws InputError for a camera model that
-  /// cannot be one.
+  /// cannot be one, and for a measured mount that cannot be this finger's.
   FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings);
 
   /// One frame through all stages: this function is the product.
@@ -53,7 +55,8 @@ class FrameLoop {
   const RegisterImage& publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch);
 
   struct Vision {
-    Vision(const Model& model, const CameraModel& camera) : markers(model, camera), poses(model, camera) {}
+    Vision(const MountModel& mount, const PlatePrior& prior, const CameraModel& camera)
+        : markers(mount, camera), poses(mount, prior, camera) {}
     MarkerStage markers;
     PictureCheck check;
     PoseStage poses;

@@ -30,7 +30,7 @@ void read_live(TomlTable& table, Settings& settings) {
   SessionInfo picture;
   picture.width_px = live.width_px;
   picture.height_px = live.height_px;
-  TomlTable lens = table.table("lens");
+  TomlTable lens = table.table_or_file("lens");
   const std::string where = lens.where();
   read_lens(std::move(lens), picture);
   settings.lens = camera_of(picture);
@@ -215,6 +215,7 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
   if (root.has("storage")) read_storage(root.table("storage"), settings);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);
+  if (root.has("mount")) settings.loop.mount = read_measured_mount(root.table_or_file("mount"));
   root.finish();
   return settings;
 }

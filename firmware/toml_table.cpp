@@ -240,6 +240,11 @@ TomlTable TomlTable::table(const std::string& key) {
   return TomlTable(document_, as_node(node).as_table(), name_ + key + ".");
 }
 
+TomlTable TomlTable::table_or_file(const std::string& key) {
+  const void* node = find(key, "a table, or the path of a TOML file", true);
+  return as_node(node).is_string() ? parse_file(path(key)) : table(key);
+}
+
 std::vector<TomlTable> TomlTable::tables(const std::string& key) {
   const void* node = find(key, "an array of tables", true);
   const toml::array* array = as_node(node).as_array();

@@ -40,6 +40,8 @@ class TomlTable {
   std::filesystem::path path(const std::string& key);
 
   TomlTable table(const std::string& key);
+  /// A table, or the path of a TOML file that is one; a relative path is taken from the folder of the file.
+  TomlTable table_or_file(const std::string& key);
   std::vector<TomlTable> tables(const std::string& key);  ///< [[key]], in file order; at least one
 
   /// Throws for every key that nobody asked for. Sub-tables finish themselves.

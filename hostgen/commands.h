@@ -20,5 +20,7 @@ void add_audit_command(CLI::App& app);
 void add_train_command(CLI::App& app);
 void add_force_command(CLI::App& app);
 void add_identify_command(CLI::App& app);
+void add_calibrate_command(CLI::App& app);
+void add_mount_command(CLI::App& app);
 
 }  // namespace finsight::host

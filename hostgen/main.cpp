@@ -25,6 +25,8 @@ int main(int argc, char** argv) {
   host::add_train_command(app);
   host::add_force_command(app);
   host::add_identify_command(app);
+  host::add_calibrate_command(app);
+  host::add_mount_command(app);
   host::catch_interrupts();
   try {
     app.parse(argc, argv);  // runs the subcommand's callback

@@ -60,7 +60,18 @@ void read_lens(TomlTable table, SessionInfo& info) {
   std::copy(pinhole.begin(), pinhole.end(), info.fx_fy_cx_cy.begin());
   const std::vector<double> lens = table.numbers("k1_k2_p1_p2_k3", 5, -100, 100);
   std::copy(lens.begin(), lens.end(), info.k1_k2_p1_p2_k3.begin());
+  const auto check_side = [&](const char* key, int side_px) {
+    if (!table.has(key) || table.integer(key, 1, Y4mReader::kMaxSide) == side_px) return;
+    throw InputError(table.where(key), key, std::to_string(table.integer(key, 1, Y4mReader::kMaxSide)),
+                     std::to_string(side_px) + ", the size of the pictures: a calibration holds for one size");
+  };
+  check_side("width_px", info.width_px);
+  check_side("height_px", info.height_px);
   table.finish();
+}
+
+std::string lens_toml(const SessionInfo& info) {
+  return "fx_fy_cx_cy = " + list(info.fx_fy_cx_cy) + "\nk1_k2_p1_p2_k3 = " + list(info.k1_k2_p1_p2_k3) + "\n";
 }
 
 SessionInfo read_session_info(const std::filesystem::path& folder) {
@@ -86,11 +97,9 @@ std::string session_info_toml(const SessionInfo& info) {
   const auto id = [&](int plate) { return std::to_string(info.marker_id[plate]); };
   return "description = " + quoted(info.description) + "\nwidth_px = " + std::to_string(info.width_px) +
          "\nheight_px = " + std::to_string(info.height_px) +
-         "\nframes_per_second = " + shortest(info.frames_per_second) +
-         "\n\n[camera]  # pixels; OpenCV's convention\nfx_fy_cx_cy = " + list(info.fx_fy_cx_cy) +
-         "\nk1_k2_p1_p2_k3 = " + list(info.k1_k2_p1_p2_k3) +
-         "\n\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) + "\nid = [" +
-         id(kTopPlate) + ", " + id(kMiddlePlate) + ", " + id(kLowPlate) +
+         "\nframes_per_second = " + shortest(info.frames_per_second) + "\n\n[camera]  # pixels; OpenCV's convention\n" +
+         lens_toml(info) + "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) +
+         "\nid = [" + id(kTopPlate) + ", " + id(kMiddlePlate) + ", " + id(kLowPlate) +
          "]\nsize_mm = " + shortest(info.marker_size_mm) + "\n";
 }
 

@@ -31,8 +31,11 @@ struct SessionInfo {
   double marker_size_mm = 0;               ///< side of the black square
   std::string description;                 ///< what was recorded
 };
-/// The lens: keys fx_fy_cx_cy and k1_k2_p1_p2_k3 of a table, the same in session.toml and in a board file. Strict.
+/// The lens: keys fx_fy_cx_cy and k1_k2_p1_p2_k3 of a table, the same in session.toml, in a board file, and in a file
+/// of its own. width_px and height_px may stand beside them; they must then be those of `info`. Strict.
 void read_lens(TomlTable table, SessionInfo& info);
+/// The lines that read_lens() reads, without the size.
+std::string lens_toml(const SessionInfo& info);
 /// Strict: unknown keys, wrong types, numbers that cannot be a camera or repeated marker ids throw InputError.
 SessionInfo read_session_info(const std::filesystem::path& folder);
 /// The text of session.toml; read_session_info() gives the same numbers back, to the last bit.

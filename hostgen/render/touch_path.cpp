@@ -88,9 +88,9 @@ FemState touched(FingerStatics& finger, const TetMesh& mesh, const Vec3f& point_
 
 const std::vector<std::pair<std::string, TouchPlan::Path>>& touch_paths() {
   using Path = TouchPlan::Path;
-  static const std::vector<std::pair<std::string, Path>> paths = {{"wander", Path::kWander}, {"fast", Path::kFast},
-                                                                  {"circle", Path::kCircle}, {"square", Path::kSquare},
-                                                                  {"eight", Path::kEight},   {"star", Path::kStar}};
+  static const std::vector<std::pair<std::string, Path>> paths = {
+      {"wander", Path::kWander}, {"fast", Path::kFast}, {"circle", Path::kCircle}, {"square", Path::kSquare},
+      {"eight", Path::kEight},   {"star", Path::kStar}, {"rest", Path::kRest}};
   return paths;
 }
 
@@ -137,7 +137,7 @@ Eigen::Vector2d TouchPlan::on_path(double time_s) const {
 
 Vec3f TouchPlan::point_mm(double time_s) const {
   const auto [lowest_mm, highest_mm] = spec_.touch_y_mm;
-  if (path_ != Path::kWander && path_ != Path::kFast) {
+  if (path_ != Path::kWander && path_ != Path::kFast && path_ != Path::kRest) {
     const double middle_mm = (lowest_mm + highest_mm) / 2;
     const double radius_mm = kPathRadius * (spec_.half_width.at(middle_mm) - spec_.touch_edge_mm);
     const Eigen::Vector2d at_mm = radius_mm * on_path(time_s) + Eigen::Vector2d(0, middle_mm);
@@ -149,6 +149,7 @@ Vec3f TouchPlan::point_mm(double time_s) const {
 }
 
 double TouchPlan::force_n(double time_s) const {
+  if (path_ == Path::kRest) return 0;
   if (path_ != Path::kWander && path_ != Path::kFast) {
     return kPathForceShare * spec_.force_n[1] * smooth_step(time_s / kPathRamp_s) *
            smooth_step((seconds_ - time_s) / kPathRamp_s);

@@ -18,8 +18,8 @@ class TouchPlan {
  public:
   /// How the point moves. The paper's four paths (its figure 7) run around the middle of the face, two times, under 60
   /// % of the spec's largest force.
-  enum class Path { kWander, kFast, kCircle, kSquare, kEight, kStar };
-  /// `seconds` > 0. kFast: three times as fast as kWander.
+  enum class Path { kWander, kFast, kCircle, kSquare, kEight, kStar, kRest };
+  /// `seconds` > 0. kFast: three times as fast as kWander. kRest: nothing touches the finger.
   TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed, Path path = Path::kWander);
   /// On the undeformed front face.
   Vec3f point_mm(double time_s) const;
@@ -45,7 +45,7 @@ class TouchPlan {
   Waves across_, along_, strength_;
 };
 
-/// "wander", "fast", "circle", "square", "eight", "star".
+/// "wander", "fast", "circle", "square", "eight", "star", "rest".
 const std::vector<std::pair<std::string, TouchPlan::Path>>& touch_paths();
 
 /// Finite-element states of the finger under the planned touch, one per frame, `path` being the frame's number. Every

@@ -49,7 +49,8 @@ TEST_CASE("touch plan: the paper's four paths run around the middle of the face 
   const double middle_mm = (spec.touch_y_mm[0] + spec.touch_y_mm[1]) / 2, seconds = 8;
   for (const auto& named : touch_paths()) {
     const TouchPlan::Path path = named.second;
-    if (path == TouchPlan::Path::kWander || path == TouchPlan::Path::kFast) continue;
+    using Path = TouchPlan::Path;
+    if (path == Path::kWander || path == Path::kFast || path == Path::kRest) continue;
     CAPTURE(named.first);
     const TouchPlan plan(spec, seconds, 1, path);
     CHECK((plan.point_mm(0) - plan.point_mm(seconds / 2)).norm() < 1e-3F);
@@ -70,6 +71,11 @@ TEST_CASE("touch plan: the paper's four paths run around the middle of the face 
     CHECK(highest_mm > 8);
     CHECK(longest_step_mm < 1);
   }
+}
+
+TEST_CASE("touch plan: at rest nothing touches the finger") {
+  const TouchPlan plan(default_spec(), 8, 1, TouchPlan::Path::kRest);
+  for (int k = 0; k <= 80; ++k) CHECK(plan.force_n(0.1 * k) == 0);
 }
 
 TEST_CASE("touch plan: the force starts and ends at nothing, reaches the largest and never more, and lifts off") {

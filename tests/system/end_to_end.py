@@ -39,11 +39,11 @@ def free_port():
 class Firmware:
     """A running finsightd; stops it at the end of a `with` block."""
 
-    def __init__(self, source, pack=PACK, extra_arguments=()):
+    def __init__(self, source, pack=PACK, extra_arguments=(), first_line=""):
         self.port = free_port()
         self.folder = tempfile.TemporaryDirectory()
         settings = Path(self.folder.name) / "board.toml"
-        settings.write_text(f'pack = "{pack}"\n[source]\n{source}\n[modbus]\nport = {self.port}\n')
+        settings.write_text(f'{first_line}\npack = "{pack}"\n[source]\n{source}\n[modbus]\nport = {self.port}\n')
         self.process = subprocess.Popen([BINARIES / "finsightd", "--settings", settings, *extra_arguments],
                                         stderr=subprocess.PIPE, text=True)
 
@@ -113,6 +113,59 @@ class WholePath(unittest.TestCase):
             blocks.append([row[:4] + row[5:] for row in rows])
         self.assertGreater(len(blocks[0]), 400, "most of 480 frames")
         self.assertEqual(blocks[0], blocks[1])
+
+
+class Calibration(unittest.TestCase):
+    def rest_mm(self, session, first_line=""):
+        """How far the top plate of a finger at rest seems to be from where it should be."""
+        source = f'kind = "session"\npath = "{session}"\nspeed = "full"\nrepeat = false'
+        log = WORK / "rest.csv"
+        with Firmware(source, first_line=first_line, extra_arguments=("--registers", log)) as firmware:
+            self.assertEqual(firmware.process.wait(60), 0)
+        with open(log, newline="") as file:
+            words = [int(word) for word in list(csv.reader(file))[-1]]
+        return math.dist((0, 0, 0), [(word ^ 0x8000) - 0x8000 for word in words[14:17]]) / 100
+
+    def test_a_camera_that_sits_askew_is_measured_and_corrected(self):
+        with tempfile.TemporaryDirectory() as folder:
+            spec, session, mount = Path(folder) / "askew.toml", Path(folder) / "session", Path(folder) / "mount.toml"
+            text = SPEC.read_text()
+            spec.write_text(text.replace("position_mm = [0, -22, -3]", "position_mm = [0.8, -22.5, -2.4]")
+                            .replace("look = [0, 1, 0]", "look = [0.01, 1, 0.02]"))
+            self.assertNotEqual(spec.read_text(), text)
+            answer = run(BINARIES / "hostgen", "render", spec, "-o", session, "--motion", "rest", "--seconds", 0.5)
+            self.assertEqual(answer.returncode, 0, answer.stderr)
+            answer = run(BINARIES / "hostgen", "mount", session, "--spec", SPEC, "-o", mount)
+            self.assertEqual(answer.returncode, 0, answer.stderr)
+            self.assertIn("camera", answer.stdout)
+            self.assertGreater(self.rest_mm(session), 1)
+            self.assertLess(self.rest_mm(session, f'mount = "{mount}"'), 0.15)
+
+    def test_a_touched_finger_is_no_rest(self):
+        answer = run(BINARIES / "hostgen", "mount", SESSION, "--spec", SPEC, "-o", WORK / "mount.toml")
+        self.assertEqual(answer.returncode, 2)
+        self.assertIn("a finger at rest", answer.stderr)
+        self.assertFalse((WORK / "mount.toml").exists())
+
+    def test_a_printed_board_is_found_and_one_view_of_it_is_too_few(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for name in ("board.png", "board.svg"):
+                answer = run(BINARIES / "hostgen", "calibrate", "--print-board", Path(folder) / name)
+                self.assertEqual(answer.returncode, 0, answer.stderr)
+            answer = run(BINARIES / "hostgen", "calibrate", folder, "-o", Path(folder) / "lens.toml")
+            self.assertEqual(answer.returncode, 2)
+            self.assertRegex(answer.stdout, r"board\.png +54 .*used")
+            self.assertIn("usable pictures: found 1 of 1, expected at least 6", answer.stderr)
+            self.assertFalse((Path(folder) / "lens.toml").exists())
+
+    def test_usage_errors(self):
+        for words, part in ((("calibrate",), "a folder of pictures"), (("calibrate", "/nowhere", "-o", "x"), "no folder"),
+                            (("calibrate", "--print-board", "board.pdf"), ".svg or .png"),
+                            (("calibrate", "--print-board", "b.svg", "--squares", "8x6"), "an odd number"),
+                            (("calibrate", "--print-board", "b.svg", "--squares", "8"), "columns and rows")):
+            answer = run(BINARIES / "hostgen", *words)
+            self.assertEqual(answer.returncode, 2, words)
+            self.assertIn(part, answer.stderr)
 
 
 class BadInput(unittest.TestCase):

@@ -1,0 +1,39 @@
+// A folder of pictures of the calibration board -> views, each used or rejected with the reason.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "hostgen/calibrate/charuco_board.h"
+
+namespace finsight::host {
+
+/// One picture of the board.
+struct BoardView {
+  std::string name;  ///< file, and frame in it
+  int width_px = 0, height_px = 0;
+  BoardSight sight;
+  std::string rejected;  ///< why; empty: it is used
+  // Once calibrated, of those that are used:
+  Eigen::Isometry3d T_camera_board = Eigen::Isometry3d::Identity();  ///< in squares
+  std::vector<Vec2f> residual_px;                                    ///< of each corner: seen minus model
+  double rms_px = 0;
+};
+
+/// Looks for the board in every .png, .pgm and .y4m of the folder, in the order of their names; of a y4m in one frame
+/// of `every`. Files that cannot be read are rejected views. Shows progress. Throws InputError for a folder that is not
+/// there or holds none of these files.
+std::vector<BoardView> read_board_views(const std::filesystem::path& folder, const CharucoBoard& board, int every);
+
+/// Rejects what must not count, each with its reason: no board or another one, too few corners, blur, another picture
+/// size than most have, and views that show what an earlier one shows. At most kMostViews stay.
+void reject_bad_views(const CharucoBoard& board, std::vector<BoardView>& views);
+inline constexpr int kMostViews = 60;  ///< more change nothing but the time, which grows with their third power
+inline constexpr int kFewestCorners = 12;
+
+/// Those that are not rejected.
+std::vector<BoardView*> used_views(std::vector<BoardView>& views);
+
+}  // namespace finsight::host

@@ -1,0 +1,27 @@
+// What a calibration says of itself: tables, the TOML for board files, a picture.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "hostgen/calibrate/lens_calibration.h"
+
+namespace finsight::host {
+
+/// A line per picture: corners, width of the edges, distance from the model, and used or why not.
+std::string view_table(const std::vector<BoardView>& views);
+
+/// The numbers with their standard deviations, the coverage, and the advice.
+std::string calibration_text(const LensCalibration& lens, const Coverage& coverage);
+
+/// What a board file's key `lens` names (firmware/ports/session.h, read_lens()), with comments. `source`: of the
+/// pictures.
+std::string lens_file(const LensCalibration& lens, const std::string& source);
+
+/// All corners in the picture and how far they are from the model, `kPlotScale` times as long. Throws
+/// std::runtime_error without gnuplot.
+void plot_calibration(const LensCalibration& lens, const std::vector<BoardView>& views,
+                      const std::filesystem::path& svg);
+inline constexpr int kPlotScale = 200;
+
+}  // namespace finsight::host

@@ -1,0 +1,47 @@
+// Views of the calibration board -> the camera's lens, and what is missing for a better one.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "firmware/vision/camera_model.h"
+#include "hostgen/calibrate/board_views.h"
+
+namespace finsight::host {
+
+inline constexpr int kLensNumbers = 9;
+inline constexpr std::array<const char*, kLensNumbers> kLensNames = {"fx", "fy", "cx", "cy", "k1",
+                                                                     "k2", "p1", "p2", "k3"};
+
+struct LensCalibration {
+  int width_px = 0, height_px = 0;
+  std::array<double, kLensNumbers> value{};  ///< in the order of kLensNames
+  std::array<double, kLensNumbers> sigma{};  ///< standard deviation of each
+  double rms_px = 0;                         ///< distance of corners from the model
+  std::size_t views = 0, corners = 0;
+
+  CameraModel camera() const;
+};
+
+inline constexpr std::size_t kFewestViews = 6;
+
+/// Pinhole and Brown-Conrady by cv::calibrateCamera (Zhang, "A flexible new technique for camera calibration", 2000),
+/// from the views that are not rejected. Corners and views that the rest does not explain are left out on the way.
+/// Fills what views have of the calibration. Throws InputError (`name` stands for the file) if fewer than kFewestViews
+/// are left or they do not determine a lens.
+LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name);
+
+/// How well the views cover what they should.
+struct Coverage {
+  std::array<int, 9> views{};        ///< by ninth of the picture, row by row: views with three corners or more there
+  std::array<int, 4> tilted{};       ///< views whose left, right, upper, lower side is nearer, by kTiltDeg or more
+  std::vector<std::string> no_lens;  ///< corners of the picture for which the model has no line of sight
+};
+inline constexpr double kTiltDeg = 12;
+Coverage coverage_of(const LensCalibration& lens, std::vector<BoardView>& views);
+
+/// What to show the camera besides, in words; empty if nothing is missing.
+std::vector<std::string> advice(const Coverage& coverage);
+
+}  // namespace finsight::host

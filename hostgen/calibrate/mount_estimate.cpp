@@ -1,0 +1,195 @@
+#include "hostgen/calibrate/mount_estimate.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <cmath>
+#include <cstdio>
+#include <numbers>
+
+#include "firmware/input_error.h"
+#include "firmware/ports/camera.h"
+#include "firmware/settings.h"
+#include "firmware/vision/ippe.h"
+#include "firmware/vision/marker_stage.h"
+#include "firmware/vision/plate_estimator.h"
+#include "hostgen/common.h"
+#include "hostgen/finger/spec.h"
+
+namespace finsight::host {
+
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector2d;
+
+constexpr int kFewestFrames = 10;
+constexpr double kStillPx = 0.5;    // scatter of a corner: noise makes a tenth of that, the lightest touch more
+constexpr double kLargestPx = 0.5;  // from the estimate: more is another lens, marker size or finger
+constexpr double kDegPerRad = 180 / std::numbers::pi;
+// How well parts are mounted: a camera by its screws, a marker glued to a moulded plate.
+constexpr double kCameraMm = 2, kCameraRad = 3 / kDegPerRad, kMarkerMm = 0.3, kMarkerRad = 1 / kDegPerRad;
+
+constexpr int kPlaces = 1 + kPlates, kNumbers = 6 * kPlaces, kCoordinates = 8 * kPlates;
+using Numbers = Eigen::Matrix<double, kNumbers, 1>;  // per place: shift, rotation vector; in the finger frame
+using Residuals = Eigen::Matrix<double, kCoordinates + kNumbers, 1>;
+
+Isometry3d moved(const Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& by) {
+  Isometry3d now = pose;
+  const Eigen::Vector3d turn = by.tail<3>();
+  now.translation() += by.head<3>();
+  if (turn.norm() > 0) now.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * pose.linear();
+  return now;
+}
+
+Numbers mounted_to() {
+  Numbers sigma;
+  sigma << Eigen::Vector3d::Constant(kCameraMm), Eigen::Vector3d::Constant(kCameraRad), Numbers::Zero().tail<18>();
+  for (int p = 1; p < kPlaces; ++p) {
+    sigma.segment<3>(6 * p).setConstant(kMarkerMm);
+    sigma.segment<3>(6 * p + 3).setConstant(kMarkerRad);
+  }
+  return sigma;
+}
+
+/// Distances of the corners from where the numbers put them, then the numbers themselves; each in units of its scatter.
+Residuals residuals(const MountModel& nominal, const CameraModel& lens, const RestingCorners& seen, const Numbers& x) {
+  Residuals r;
+  const Isometry3d T_camera_finger = moved(nominal.T_finger_camera.cast<double>(), x.head<6>()).inverse();
+  for (int p = 0; p < kPlates; ++p) {
+    const auto plate = static_cast<std::size_t>(p);
+    const Isometry3d T_camera_marker =
+        T_camera_finger * moved(nominal.T_finger_marker[plate].cast<double>(), x.segment<6>(6 * (p + 1)));
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Eigen::Vector3d at = T_camera_marker * marker_corner(static_cast<double>(nominal.marker_size_mm), k);
+      const Vector2d off = pixel_from_ray(lens, at.head<2>() / at.z()) - seen.corner_px[plate][k];
+      r.segment<2>(8 * p + 2 * static_cast<int>(k)) = off / PlateEstimator::kCornerSigmaPx;
+    }
+  }
+  r.tail<kNumbers>() = x.cwiseQuotient(mounted_to());
+  return r;
+}
+
+/// The sum over a session of what one corner does.
+struct CornerSum {
+  Vector2d sum = Vector2d::Zero(), first = Vector2d::Zero();
+  double squares = 0;
+  void add(const Vector2d& at, bool is_first) {
+    if (is_first) first = at;
+    sum += at - first;
+    squares += (at - first).squaredNorm();
+  }
+  Vector2d mean(int frames) const { return first + sum / frames; }
+  double scatter_px(int frames) const {
+    return std::sqrt(std::max(0.0, squares / frames - (sum / frames).squaredNorm()));
+  }
+};
+
+void check_session(const std::filesystem::path& session, const SessionInfo& info, const MountModel& mount) {
+  const std::string file = (session / kSessionInfo).string();
+  if (info.marker_id != mount.marker_id) throw InputError(file, "marker ids are not those of the finger spec");
+  if (std::abs(info.marker_size_mm - static_cast<double>(mount.marker_size_mm)) > 1e-3) {
+    throw InputError(file, "markers.size_mm", std::to_string(info.marker_size_mm),
+                     std::to_string(mount.marker_size_mm) + " as in the finger spec");
+  }
+}
+
+}  // namespace
+
+RestingCorners resting_corners(const std::filesystem::path& session, const MountModel& mount) {
+  const SessionInfo info = read_session_info(session);
+  check_session(session, info, mount);
+  MarkerStage markers(mount, camera_of(info));
+  ReplaySettings replay;
+  replay.path = session;
+  replay.recorded_speed = false;
+  const auto camera = open_session_camera(replay);
+  std::array<std::array<CornerSum, 4>, kPlates> sums;
+  std::array<int, kPlates> seen{};
+  RestingCorners rest;
+  Frame frame;
+  while (camera->next(frame, 0)) {
+    if (interrupted()) throw Interrupted();
+    const MarkerCorners& corners = markers.find(frame);
+    for (std::size_t p = 0; p < kPlates; ++p) seen[p] += corners.seen[p];
+    if (!corners.seen[0] || !corners.seen[1] || !corners.seen[2]) continue;
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      for (std::size_t k = 0; k < 4; ++k) sums[p][k].add(corners.corners_px[p][k].cast<double>(), rest.frames == 0);
+    }
+    ++rest.frames;
+  }
+  if (!camera->error().empty()) throw InputError(session.string(), camera->error());
+  if (rest.frames < kFewestFrames) {
+    throw InputError(session.string(), "frames that show all three markers",
+                     std::to_string(rest.frames) + " (top " + std::to_string(seen[kTopPlate]) + ", middle " +
+                         std::to_string(seen[kMiddlePlate]) + ", low " + std::to_string(seen[kLowPlate]) + ")",
+                     std::to_string(kFewestFrames) + " or more");
+  }
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      const double scatter_px = sums[p][k].scatter_px(rest.frames);
+      if (scatter_px > kStillPx) {
+        throw InputError(session.string(), std::string(kPlateNames[p]) + " plate",
+                         "a marker that moves by " + std::to_string(scatter_px) + " pixels",
+                         "a finger at rest: nothing touches it and nothing moves");
+      }
+      rest.corner_px[p][k] = sums[p][k].mean(rest.frames);
+    }
+  }
+  return rest;
+}
+
+MountEstimate estimate_mount(const MountModel& nominal, const CameraModel& lens, const RestingCorners& seen,
+                             const std::string& name) {
+  constexpr int kSteps = 10;            // quadratic: four stand still to 1e-9
+  constexpr double kDifference = 1e-5;  // mm and rad; the residuals' rounding is 1e-12 of them
+  Numbers x = Numbers::Zero();
+  Eigen::Matrix<double, kNumbers, kNumbers> information;
+  for (int step = 0; step < kSteps; ++step) {
+    Eigen::Matrix<double, kCoordinates + kNumbers, kNumbers> jacobian;
+    for (int i = 0; i < kNumbers; ++i) {
+      const Numbers by = kDifference * Numbers::Unit(i);
+      jacobian.col(i) =
+          (residuals(nominal, lens, seen, x + by) - residuals(nominal, lens, seen, x - by)) / (2 * kDifference);
+    }
+    information = jacobian.transpose() * jacobian;
+    x -= information.llt().solve(jacobian.transpose() * residuals(nominal, lens, seen, x));
+  }
+  MountEstimate estimate;
+  const Residuals left = residuals(nominal, lens, seen, x);
+  estimate.rms_px = PlateEstimator::kCornerSigmaPx * std::sqrt(left.head<kCoordinates>().squaredNorm() / (4 * kPlates));
+  if (!(estimate.rms_px <= kLargestPx)) {
+    throw InputError(name, "markers' corners", std::to_string(estimate.rms_px) + " pixels from any mount",
+                     "at most " + std::to_string(kLargestPx) + "; is it the lens, the marker size, the finger?");
+  }
+  estimate.change = x.reshaped(6, kPlaces);
+  estimate.sigma = information.inverse().diagonal().cwiseSqrt().reshaped(6, kPlaces);
+  estimate.mount.where = name;
+  estimate.mount.T_finger_camera = moved(nominal.T_finger_camera.cast<double>(), estimate.change.col(0));
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    estimate.mount.T_finger_marker[p] =
+        moved(nominal.T_finger_marker[p].cast<double>(), estimate.change.col(1 + static_cast<int>(p)));
+  }
+  corrected_mount(nominal, estimate.mount);  // the firmware takes it
+  return estimate;
+}
+
+std::string mount_text(const MountEstimate& estimate) {
+  std::string text = "away from the spec           shift, mm: x       y       z     turn, deg: x       y       z\n";
+  for (int place = 0; place < kPlaces; ++place) {
+    const std::string name =
+        place == 0 ? "camera" : std::string(kPlateNames[static_cast<std::size_t>(place - 1)]) + " marker";
+    for (const bool of_sigma : {false, true}) {
+      const Eigen::Matrix<double, 6, 1> v = of_sigma ? estimate.sigma.col(place) : estimate.change.col(place);
+      char line[160];
+      std::snprintf(line, sizeof line, "%-28s %11.2f %7.2f %7.2f   %13.2f %7.2f %7.2f\n",
+                    of_sigma ? "  std. dev." : name.c_str(), v[0], v[1], v[2], kDegPerRad * v[3], kDegPerRad * v[4],
+                    kDegPerRad * v[5]);
+      text += line;
+    }
+  }
+  char line[96];
+  std::snprintf(line, sizeof line, "corners are %.3f pixels from that (RMS)\n", estimate.rms_px);
+  return text + line;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,41 @@
+// Where camera and markers really are, from where the camera sees the markers of a finger at rest.
+#pragma once
+
+#include <Eigen/Core>
+#include <filesystem>
+#include <string>
+
+#include "firmware/measured_mount.h"
+#include "firmware/vision/camera_model.h"
+
+namespace finsight::host {
+
+/// Mean corners of the three markers over a session, [plate][corner], pixels.
+struct RestingCorners {
+  std::array<std::array<Eigen::Vector2d, 4>, kPlates> corner_px;
+  int frames = 0;
+};
+
+/// Throws InputError for a session of other markers than `mount` has, in which fewer than ten frames show all three, or
+/// in which one moves.
+RestingCorners resting_corners(const std::filesystem::path& session, const MountModel& mount);
+
+struct MountEstimate {
+  MeasuredMount mount;
+  /// Camera, then top, middle and low marker: shift (mm) and rotation vector (rad) away from the nominal place, in the
+  /// finger frame, and their standard deviations. [6, 4]
+  Eigen::Matrix<double, 6, 1 + kPlates> change, sigma;
+  double rms_px = 0;  ///< distance of the corners from the estimate
+};
+
+/// The most probable poses of the camera and the three markers. The markers are seen from the camera only, so a common
+/// motion of all cannot be told from the camera's: what fits together is put down to the camera (mounted to 2 mm and 3
+/// degrees), the rest to the markers (to 0.3 mm and 1 degree). Gauss-Newton on 24 numbers. Throws InputError (`name`
+/// stands for the file) for corners that no such mount explains to half a pixel.
+MountEstimate estimate_mount(const MountModel& nominal, const CameraModel& lens, const RestingCorners& seen,
+                             const std::string& name);
+
+/// A table for people.
+std::string mount_text(const MountEstimate& estimate);
+
+}  // namespace finsight::host
