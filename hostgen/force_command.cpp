@@ -134,7 +134,7 @@ void add_force_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "force",
       "estimate contact forces of a session: frames for ParaView (force.pvd) and contacts.csv, which says of every "
-      "contact what else it could be (95 %): reach_mm away, or pressure over spread_mm");
+      "contact what else it could be (95 %): a push reach_mm away, or a pressure that extends over spread_mm");
   command->add_option("session", options->session, "session folder (hostgen render and boards record them)")
       ->required();
   command->add_option("--spec", options->spec, "finger spec (TOML)")->required();

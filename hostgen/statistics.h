@@ -18,6 +18,13 @@ inline double quantile(std::vector<double> numbers, double share, double none = 
   return numbers[static_cast<std::size_t>(rank)];
 }
 
+/// Value below which the sum of squares of `numbers` standard normal numbers stays as probably as one of them stays
+/// below `z` (1.645: 95 %, 3.09: 99.9 %). Wilson and Hilferty 1931; within 1 % for 6 numbers or more.
+inline double chi_squared_quantile(double numbers, double z) {
+  const double ninth = 2 / (9 * numbers);
+  return numbers * std::pow(1 - ninth + z * std::sqrt(ninth), 3);
+}
+
 /// Per axis: root mean square error, and R2 = 1 - squared error / variance of the truth (0 where the truth is
 /// constant).
 struct AxisErrors {

@@ -40,6 +40,9 @@ class Cholesky {
   [[nodiscard]] bool factor_and_solve(std::span<S> b);
   /// Solves A x = b in place; b: [3 * blocks] in the order of free nodes (not of elimination).
   void solve(std::span<S> b) const;
+  /// The same for a right-hand side per lane, which together take little longer than one. For the workstation: it takes
+  /// memory.
+  void solve(std::span<simd::Vector<S>> b) const;
 
   /// Multiply-adds of one factorisation, for reports.
   double factor_operations() const;
@@ -81,6 +84,8 @@ class Cholesky {
   void give(std::span<S> b) const;
   void solve_forward(const Front& front) const;
   void solve_backward(const Front& front) const;
+  void solve_forward(const Front& front, simd::Vector<S>* x, simd::Vector<S>* w) const;
+  void solve_backward(const Front& front, simd::Vector<S>* x, simd::Vector<S>* w) const;
   void make_update(const Front& front);
 
   std::vector<std::int32_t> order_, position_;

@@ -6,8 +6,9 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <vector>
+
+#include "hostgen/fem/nonnegative_least_squares.h"
 
 namespace finsight::host {
 
@@ -36,17 +37,18 @@ MatrixXd responses(const PushResponse& response, const Matrix2Xd& places_mm) {
 struct Unexplained {
   VectorXd product, square;  ///< per column of J: with the goal, and with itself
 
-  Unexplained(const MatrixXd& J, VectorXd goal, const MatrixXd& others) : square(J.colwise().squaredNorm()) {
-    if (others.cols() > 0) {
-      const Eigen::HouseholderQR<MatrixXd> qr(others);
-      const MatrixXd Q = qr.householderQ() * MatrixXd::Identity(J.rows(), others.cols());
-      goal -= Q * (Q.transpose() * goal);
-      const VectorXd whole = square;
-      square -= (Q.transpose() * J).colwise().squaredNorm().transpose();
-      // A place that does what the others do has nothing left but rounding.
-      square = (square.array() > 1e-9 * whole.array()).select(square, 0.0);
-    }
-    product = J.transpose() * goal;
+  Unexplained(const MatrixXd& J, const VectorXd& goal, const MatrixXd& others) {
+    const MatrixXd left = beside(others, J);
+    product = left.transpose() * goal;
+    square = left.colwise().squaredNorm();
+    // A place that does what the others do has nothing left but rounding.
+    square = (square.array() > 1e-9 * J.colwise().squaredNorm().transpose().array()).select(square, 0.0);
+  }
+  static MatrixXd beside(const MatrixXd& others, const MatrixXd& J) {
+    if (others.cols() == 0) return J;
+    const Eigen::HouseholderQR<MatrixXd> qr(others);
+    const MatrixXd Q = qr.householderQ() * MatrixXd::Identity(J.rows(), others.cols());
+    return J - Q * (Q.transpose() * J);
   }
   double force(Index j) const { return square[j] > 0 ? std::max(0.0, product[j]) / square[j] : 0; }
   double gain(Index j) const { return force(j) * std::max(0.0, product[j]); }
@@ -103,9 +105,11 @@ MatrixXd derivatives(const PushResponse& response, const ContactChoice& choice) 
   return M;
 }
 
-/// Inverse of the contacts' information; what is not known at all (beside the face) counts as known to 30 mm.
+/// What is not known at all (beside the face) counts as known to 30 mm.
+constexpr double kLeast = 1.0 / (30 * 30);
+
+/// Inverse of the contacts' information.
 MatrixXd covariance(const MatrixXd& M) {
-  constexpr double kLeast = 1.0 / (30 * 30);
   return (M.transpose() * M + kLeast * MatrixXd::Identity(M.cols(), M.cols())).inverse();
 }
 
@@ -125,10 +129,48 @@ ContactChoice moved(const PushResponse& response, const VectorXd& goal, ContactC
   return choice;
 }
 
+/// The two places of a part of the grid where pushes, beside `others`, explain most together.
+Matrix2Xd best_pair(const PushResponse& response, const VectorXd& goal, const Matrix2Xd& others) {
+  constexpr Index kEvery = 3;
+  const Matrix2Xd places = response.grid_mm(Eigen::all, Eigen::seq(0, Eigen::last, kEvery));
+  const MatrixXd J = response.at_grid(Eigen::all, Eigen::seq(0, Eigen::last, kEvery));
+  const MatrixXd left = Unexplained::beside(responses(response, others), J);
+  const VectorXd product = left.transpose() * goal;
+  const MatrixXd square = left.transpose() * left;
+  double best_gain = -1;
+  Index best_a = 0, best_b = 0;
+  for (Index b = 0; b < square.cols(); ++b) {
+    for (Index a = 0; a < b; ++a) {
+      const double determinant = square(a, a) * square(b, b) - square(a, b) * square(a, b);
+      const double force_a = product[a] * square(b, b) - product[b] * square(a, b);
+      const double force_b = product[b] * square(a, a) - product[a] * square(a, b);
+      if (force_a <= 0 || force_b <= 0 || determinant <= 1e-6 * square(a, a) * square(b, b)) continue;
+      const double gain = (force_a * product[a] + force_b * product[b]) / determinant;
+      if (gain <= best_gain) continue;
+      best_gain = gain;
+      best_a = a;
+      best_b = b;
+    }
+  }
+  Matrix2Xd pair(2, 2);
+  pair << places.col(best_a), places.col(best_b);
+  return pair;
+}
+
+/// Adds the best place to the others; and, since two pushes may have looked like one between them, also tries to put
+/// two in the place of each.
 ContactChoice with_one_more(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice) {
-  const Index best = Unexplained(response.at_grid, goal, responses(response, choice.place_mm)).best();
-  const Matrix2Xd places = with(choice.place_mm, response.grid_mm.col(best));
-  return refined_contacts(response, goal, moved(response, goal, contacts_at(response, goal, places)));
+  const auto settled = [&](const Matrix2Xd& places) {
+    return refined_contacts(response, goal, moved(response, goal, contacts_at(response, goal, places)));
+  };
+  const Index best_place = Unexplained(response.at_grid, goal, responses(response, choice.place_mm)).best();
+  ContactChoice best = settled(with(choice.place_mm, response.grid_mm.col(best_place)));
+  for (Index i = 0; i < choice.force_n.size(); ++i) {
+    const Matrix2Xd others = without(choice.place_mm, i), pair = best_pair(response, goal, others);
+    ContactChoice split = settled(with(with(others, pair.col(0)), pair.col(1)));
+    if (split.misfit < best.misfit) best = std::move(split);
+  }
+  return best;
 }
 
 ContactChoice with_one_less(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice) {
@@ -141,64 +183,69 @@ ContactChoice with_one_less(const PushResponse& response, const VectorXd& goal, 
   return best;
 }
 
-/// Radius of the largest disc of the grid, even pressure on which gains `enough`.
-double largest_spread_mm(const PushResponse& response, const VectorXd& goal, const VectorXd& distance_mm,
-                         const MatrixXd& others, double enough) {
-  std::vector<Index> nearest(static_cast<std::size_t>(distance_mm.size()));
-  std::iota(nearest.begin(), nearest.end(), Index{0});
-  std::stable_sort(nearest.begin(), nearest.end(), [&](Index a, Index b) { return distance_mm[a] < distance_mm[b]; });
-  MatrixXd pressure(response.at_grid.rows(), distance_mm.size());  // column k: on the k + 1 nearest places
-  VectorXd sum = VectorXd::Zero(pressure.rows());
-  for (Index k = 0; k < pressure.cols(); ++k) {
-    sum += response.at_grid.col(nearest[static_cast<std::size_t>(k)]);
-    pressure.col(k) = sum / static_cast<double>(k + 1);
+/// Pushes that may be spread: each by its place, its force, and its force times the second moments of its spread along
+/// the face, x and y. The last two change what it causes by half the second derivatives by the place.
+struct SpreadPushes {
+  static constexpr Index kEach = 5;
+  MatrixXd M;      ///< [numbers, kEach * pushes]
+  VectorXd known;  ///< information on each that is no measurement's: what fits between the borders of the face
+
+  SpreadPushes(const PushResponse& response, const ContactChoice& choice) {
+    const Index count = choice.force_n.size();
+    const MatrixXd points = derivatives(response, choice);
+    M.resize(points.rows(), kEach * count);
+    known.setConstant(M.cols(), kLeast);
+    for (Index i = 0; i < count; ++i) {
+      M.middleCols<3>(kEach * i) = points.middleCols<3>(3 * i);
+      for (int axis = 0; axis < 2; ++axis) add_spread(response, choice.place_mm.col(i), choice.force_n[i], i, axis);
+    }
   }
-  const Unexplained left(pressure, goal, others);
-  double largest_mm = 0;
-  for (Index k = 0; k < pressure.cols(); ++k) {
-    if (left.gain(k) >= enough) largest_mm = std::max(largest_mm, distance_mm[nearest[static_cast<std::size_t>(k)]]);
+  void add_spread(const PushResponse& response, const Eigen::Vector2d& place, double force_n, Index index, int axis) {
+    constexpr double kStep_mm = 4, kBeyond_mm = 1000;
+    const Eigen::Vector2d way = Eigen::Vector2d::Unit(axis);
+    const Eigen::Vector2d low = response.inside(place - kBeyond_mm * way);
+    const Eigen::Vector2d high = response.inside(place + kBeyond_mm * way);
+    // Near a border, the derivative beside it.
+    Eigen::Vector2d middle = place;
+    middle[axis] =
+        std::clamp(place[axis], low[axis] + kStep_mm, std::max(low[axis], high[axis] - 2 * kStep_mm) + kStep_mm);
+    const VectorXd bend =
+        (response.at(middle + kStep_mm * way) - 2 * response.at(middle) + response.at(middle - kStep_mm * way)) /
+        (kStep_mm * kStep_mm);
+    const Index column = kEach * index + 3 + axis;
+    M.col(column) = 0.5 * bend;
+    const double most_n = force_n * std::max(1.0, (place[axis] - low[axis]) * (high[axis] - place[axis]));
+    known[column] = 1 / (most_n * most_n);
   }
-  return largest_mm;
+};
+
+/// All but the spread. Near by, all contacts move together, to first order; far away, any place of the grid may do as
+/// well for this one.
+ContactDoubt point_doubt(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice, Index index,
+                         const MatrixXd& near) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> place(Eigen::Matrix2d(near.block<2, 2>(3 * index, 3 * index)));
+  const double force_n = choice.force_n[index], sigma_n = std::sqrt(near(3 * index + 2, 3 * index + 2));
+  ContactDoubt doubt;
+  doubt.reach_mm = std::sqrt(kAsGood * place.eigenvalues()[1]);
+  doubt.lowest_force_n = std::max(0.0, force_n - 2 * sigma_n);
+  doubt.highest_force_n = force_n + 2 * sigma_n;
+
+  const MatrixXd others = responses(response, without(choice.place_mm, index));
+  const Unexplained here(response.at(choice.place_mm.col(index)), goal, others);
+  const Unexplained there(response.at_grid, goal, others);
+  const double enough = here.gain(0) - kAsGood;
+  const VectorXd distance_mm = (response.grid_mm.colwise() - choice.place_mm.col(index)).colwise().norm();
+  for (Index j = 0; j < distance_mm.size(); ++j) {
+    if (there.square[j] == 0 || there.gain(j) < enough) continue;
+    const double margin_n = 2 / std::sqrt(there.square[j]);
+    doubt.reach_mm = std::max(doubt.reach_mm, distance_mm[j]);
+    doubt.lowest_force_n = std::min(doubt.lowest_force_n, std::max(0.0, there.force(j) - margin_n));
+    doubt.highest_force_n = std::max(doubt.highest_force_n, there.force(j) + margin_n);
+  }
+  return doubt;
 }
 
 }  // namespace
-
-VectorXd nonnegative_least_squares(const MatrixXd& A, const VectorXd& b) {
-  const Index n = A.cols();
-  VectorXd x = VectorXd::Zero(n);
-  std::vector<Index> passive;  // free columns; the others are held at zero
-  VectorXd pull = A.transpose() * b;
-  const double nothing = n == 0 ? 0 : 1e-10 * pull.cwiseAbs().maxCoeff();
-  const auto solve = [&] { return VectorXd(MatrixXd(A(Eigen::all, passive)).colPivHouseholderQr().solve(b)); };
-  for (Index round = 0; round < 3 * n; ++round) {
-    for (const Index j : passive) pull[j] = 0;
-    Index enter = 0;
-    if (pull.maxCoeff(&enter) <= nothing) break;
-    passive.push_back(enter);
-    VectorXd best = solve();
-    while (best.minCoeff() <= 0) {
-      // Goes towards it as far as nothing turns negative; what reached zero is held there.
-      double way = 1;
-      for (std::size_t k = 0; k < passive.size(); ++k) {
-        const double from = x[passive[k]], to = best[static_cast<Index>(k)];
-        if (to <= 0) way = std::min(way, from / (from - to));
-      }
-      std::vector<Index> still;
-      for (std::size_t k = 0; k < passive.size(); ++k) {
-        const double from = x[passive[k]], to = best[static_cast<Index>(k)];
-        const bool held = to <= 0 && from / (from - to) <= way;
-        x[passive[k]] = held ? 0 : from + way * (to - from);
-        if (!held) still.push_back(passive[k]);
-      }
-      passive = std::move(still);
-      if (passive.empty()) break;
-      best = solve();
-    }
-    for (std::size_t k = 0; k < passive.size(); ++k) x[passive[k]] = best[static_cast<Index>(k)];
-    pull = A.transpose() * (b - A * x);
-  }
-  return x;
-}
 
 // Gauss-Newton on places and forces; a step that does not help is halved.
 ContactChoice refined_contacts(const PushResponse& response, const VectorXd& goal, const ContactChoice& start) {
@@ -243,31 +290,32 @@ ContactChoice fewest_contacts(const PushResponse& response, const VectorXd& goal
   return choice;
 }
 
-// Near by, all contacts move together, to first order; far away, any place of the grid may do as well for this one.
-ContactDoubt contact_doubt(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice,
-                           Index index) {
+// Points, or what they may be if they are spread: their force's range is that of both.
+std::vector<ContactDoubt> contact_doubts(const PushResponse& response, const VectorXd& goal,
+                                         const ContactChoice& choice) {
+  constexpr double kSurely = 1.645;  // on one side
+  std::vector<ContactDoubt> doubts;
+  if (choice.force_n.size() == 0) return doubts;
   const MatrixXd near = covariance(derivatives(response, choice));
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> place(Eigen::Matrix2d(near.block<2, 2>(3 * index, 3 * index)));
-  const double force_n = choice.force_n[index], sigma_n = std::sqrt(near(3 * index + 2, 3 * index + 2));
-  ContactDoubt doubt;
-  doubt.reach_mm = std::sqrt(kAsGood * place.eigenvalues()[1]);
-  doubt.lowest_force_n = std::max(0.0, force_n - 2 * sigma_n);
-  doubt.highest_force_n = force_n + 2 * sigma_n;
-
-  const MatrixXd others = responses(response, without(choice.place_mm, index));
-  const Unexplained here(response.at(choice.place_mm.col(index)), goal, others);
-  const Unexplained there(response.at_grid, goal, others);
-  const double enough = here.gain(0) - kAsGood;
-  const VectorXd distance_mm = (response.grid_mm.colwise() - choice.place_mm.col(index)).colwise().norm();
-  for (Index j = 0; j < distance_mm.size(); ++j) {
-    if (there.square[j] == 0 || there.gain(j) < enough) continue;
-    const double margin_n = 2 / std::sqrt(there.square[j]);
-    doubt.reach_mm = std::max(doubt.reach_mm, distance_mm[j]);
-    doubt.lowest_force_n = std::min(doubt.lowest_force_n, std::max(0.0, there.force(j) - margin_n));
-    doubt.highest_force_n = std::max(doubt.highest_force_n, there.force(j) + margin_n);
+  const SpreadPushes spread(response, choice);
+  const MatrixXd wide = (MatrixXd(spread.M.transpose() * spread.M) + MatrixXd(spread.known.asDiagonal())).inverse();
+  const VectorXd change =
+      wide * (spread.M.transpose() * (goal - responses(response, choice.place_mm) * choice.force_n));
+  for (Index i = 0; i < choice.force_n.size(); ++i) {
+    ContactDoubt doubt = point_doubt(response, goal, choice, i, near);
+    const Index first = SpreadPushes::kEach * i;
+    const double force_n = choice.force_n[i] + change[first + 2], sigma_n = std::sqrt(wide(first + 2, first + 2));
+    doubt.lowest_force_n = std::clamp(force_n - 2 * sigma_n, 0.0, doubt.lowest_force_n);
+    doubt.highest_force_n = std::max(doubt.highest_force_n, force_n + 2 * sigma_n);
+    double square_mm2 = 0;  // of the corner of an even pressure: three times its second moments
+    for (Index k = first + 3; k < first + 5; ++k) {
+      const double most = 1 / std::sqrt(spread.known[k]), moment = change[k] + kSurely * std::sqrt(wide(k, k));
+      square_mm2 += 3 * std::clamp(moment, 0.0, most) / choice.force_n[i];
+    }
+    doubt.spread_mm = change.segment<2>(first).norm() + std::sqrt(square_mm2);
+    doubts.push_back(doubt);
   }
-  doubt.spread_mm = largest_spread_mm(response, goal, distance_mm, others, enough);
-  return doubt;
+  return doubts;
 }
 
 }  // namespace finsight::host

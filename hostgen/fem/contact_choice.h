@@ -4,11 +4,9 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <vector>
 
 namespace finsight::host {
-
-/// min |A x - b| over x >= 0 (Lawson and Hanson 1974).
-Eigen::VectorXd nonnegative_least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
 
 /// How the measured numbers, in their standard deviations, change per newton of a push on the face.
 struct PushResponse {
@@ -33,13 +31,14 @@ ContactChoice fewest_contacts(const PushResponse& response, const Eigen::VectorX
 /// As many pushes as `start` has or fewer, moved and weighed until they explain `goal` best.
 ContactChoice refined_contacts(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& start);
 
-/// What else a push of a choice could be: 95 % of the probability.
+/// What else a push of a choice could be, at 95 %.
 struct ContactDoubt {
-  double reach_mm = 0;   ///< it could as well be this far away
-  double spread_mm = 0;  ///< or even pressure on the face within this radius
-  double lowest_force_n = 0, highest_force_n = 0;
+  double reach_mm = 0;   ///< if it is a push at a point: as well one this far away
+  double spread_mm = 0;  ///< if it is an even pressure (line, rectangle): parts of it this far away
+  double lowest_force_n = 0, highest_force_n = 0;  ///< whichever it is
 };
-ContactDoubt contact_doubt(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& choice,
-                           Eigen::Index index);
+/// Of every push of a choice that explains `goal`.
+std::vector<ContactDoubt> contact_doubts(const PushResponse& response, const Eigen::VectorXd& goal,
+                                         const ContactChoice& choice);
 
 }  // namespace finsight::host

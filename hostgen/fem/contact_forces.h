@@ -6,15 +6,10 @@
 #include <vector>
 
 #include "hostgen/fem/contact_choice.h"
+#include "hostgen/fem/pushed_finger.h"
 #include "hostgen/finger/mesh.h"
 
 namespace finsight::host {
-
-/// A force along the inward normal of the undeformed front face, at a point of it (z is taken from the face).
-struct FaceForce {
-  Vec3f point_mm = Vec3f::Zero();
-  double force_n = 0;
-};
 
 struct Contact : FaceForce {
   Vec3f displacement_mm = Vec3f::Zero();  ///< of the point
@@ -29,6 +24,7 @@ struct ContactForces {
   /// The misfit is one that noise makes (99.9 %). Otherwise something else than pushes on the face moved the plates.
   bool explained = false;
   bool converged = false;
+  double seconds = 0;  ///< processor time, with the doubt (Gauss-Newton)
   struct Progress {
     double seconds = 0;    ///< processor time since the start
     double objective = 0;  ///< half of the misfit
@@ -67,6 +63,7 @@ class ContactForceSolver {
   Eigen::Vector3d inward() const;
 
  private:
+  static bool noise_explains(double misfit, const PlatePoses& measured);
   struct Problem;
   std::unique_ptr<Problem> problem_;
 };

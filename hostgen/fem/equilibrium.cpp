@@ -65,10 +65,10 @@ bool Equilibrium::factorise(ElasticState& state) {
   return cholesky_.factor();
 }
 
-// K is factored in single precision: it only steers the steps, whose residuals are in double, so the answer loses nothing.
-// Every solve starts with its own K, so that it does not depend on the one before. Chords follow as long as they shrink
-// so fast that going on takes less time than a new factor. They only converge where the tangent is positive definite as
-// K is, so what they find is stable.
+// K is factored in single precision: it only steers the steps, whose residuals are in double, so the answer loses
+// nothing. Every solve starts with its own K, so that it does not depend on the one before. Chords follow as long as
+// they shrink so fast that going on takes less time than a new factor. They only converge where the tangent is positive
+// definite as K is, so what they find is stable.
 bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
   const double goal = kTolerance * norm(load) + 1e-14;
   const long last_factorisation = cost_.factorisations + kMostFactorisations, last_step = cost_.steps + kMostSteps;
@@ -112,6 +112,24 @@ void Equilibrium::apply_inverse(std::span<double> b) {
   cholesky_.solve(rounded_);
   std::copy(rounded_.begin(), rounded_.end(), b.begin());
   std::fill_n(b.end() - 3, 3, 0.0);
+}
+
+void Equilibrium::apply_inverse(Columns& columns) {
+  constexpr Eigen::Index kLanes = simd::kLanesOf<float>;
+  std::vector<simd::Vector<float>> b(rounded_.size());
+  for (Eigen::Index first = 0; first < columns.cols(); first += kLanes) {
+    const Eigen::Index count = std::min(kLanes, columns.cols() - first);
+    for (std::size_t i = 0; i < b.size(); ++i) {
+      for (Eigen::Index k = 0; k < count; ++k) {
+        b[i][k] = static_cast<float>(columns(static_cast<Eigen::Index>(i), first + k));
+      }
+    }
+    cholesky_.solve(b);
+    for (std::size_t i = 0; i < b.size(); ++i) {
+      for (Eigen::Index k = 0; k < count; ++k) columns(static_cast<Eigen::Index>(i), first + k) = b[i][k];
+    }
+  }
+  columns.bottomRows<3>().setZero();
 }
 
 }  // namespace finsight::host

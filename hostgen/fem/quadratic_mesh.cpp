@@ -110,6 +110,11 @@ FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm) {
   for (const auto& triangle : mesh.front) {
     std::array<Eigen::Vector3d, 3> corner;
     for (std::size_t i = 0; i < 3; ++i) corner[i] = mesh.node_mm[static_cast<std::size_t>(triangle[i])];
+    // Most triangles' bounding boxes are already further away.
+    const Eigen::Array3d low = corner[0].cwiseMin(corner[1]).cwiseMin(corner[2]);
+    const Eigen::Array3d high = corner[0].cwiseMax(corner[1]).cwiseMax(corner[2]);
+    const Eigen::Array2d asked(x_mm, y_mm), nearest = asked.max(low.head<2>()).min(high.head<2>());
+    if ((nearest - asked).matrix().squaredNorm() >= best_distance) continue;
     const Eigen::Vector3d L = nearest_in_triangle(corner, x_mm, y_mm);
     const Eigen::Vector3d at = point_at(corner, L);
     const double distance = (at.head<2>() - Eigen::Vector2d(x_mm, y_mm)).squaredNorm();

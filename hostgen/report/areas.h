@@ -46,8 +46,8 @@ nlohmann::json measure_real(const Model& model, const std::filesystem::path& rec
                             const std::filesystem::path& folder, bool quick);
 
 /// Contact forces of four touches (a point, two, a pressure, the edge) from noisy plate motions: Gauss-Newton beside the
-/// paper's L-BFGS; plots contact_forces.svg into `folder`. `quick`: 2 draws of the noise instead of 20, 5 iterations of
-/// L-BFGS instead of 200.
+/// paper's L-BFGS, and how often the doubt of an estimate holds the truth; plots contact_forces.svg into `folder`. `quick`:
+/// 10 draws of the noise instead of 100, 5 iterations of L-BFGS instead of 200.
 nlohmann::json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, bool quick);
 
 }  // namespace finsight::host

@@ -10,7 +10,6 @@
 #include "hostgen/gnuplot.h"
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/report/areas.h"
-#include "hostgen/statistics.h"
 
 namespace finsight::host {
 
@@ -71,14 +70,28 @@ json curve(const ContactForces& found) {
   return points;
 }
 
-/// The true points are within the doubt of some contact: what the estimate says of itself is true.
-bool within_doubt(const std::vector<FaceForce>& truth, const ContactForces& found) {
+/// What the estimate says of itself is true: every true point is within the doubt of some contact.
+bool points_within(const std::vector<FaceForce>& truth, const ContactForces& found, bool spread_too) {
   return std::all_of(truth.begin(), truth.end(), [&](const FaceForce& force) {
     return std::any_of(found.contacts.begin(), found.contacts.end(), [&](const Contact& contact) {
       const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
-      return distance_mm <= std::max(contact.doubt.reach_mm, contact.doubt.spread_mm);
+      return distance_mm <= contact.doubt.reach_mm || (spread_too && distance_mm <= contact.doubt.spread_mm);
     });
   });
+}
+
+double total_n(const std::vector<FaceForce>& forces) {
+  return std::accumulate(forces.begin(), forces.end(), 0.0,
+                         [](double sum, const FaceForce& force) { return sum + force.force_n; });
+}
+
+bool force_within(double true_n, const ContactForces& found) {
+  double lowest_n = 0, highest_n = 0;
+  for (const Contact& contact : found.contacts) {
+    lowest_n += contact.doubt.lowest_force_n;
+    highest_n += contact.doubt.highest_force_n;
+  }
+  return lowest_n <= true_n && true_n <= highest_n;
 }
 
 void plot(const json& rows, const std::filesystem::path& svg) {
@@ -103,52 +116,56 @@ void plot(const json& rows, const std::filesystem::path& svg) {
   gnuplot.finish();
 }
 
+/// Of all draws of the noise, the numbers that are averaged.
+json draw_figures(const Case& touch, const std::vector<double>& truth_mm, const TetMesh& mesh,
+                  const ContactForces& found) {
+  const double true_n = total_n(touch.forces);
+  double found_n = 0, reach_mm = 0, spread_mm = 0;
+  for (const Contact& contact : found.contacts) {
+    found_n += contact.force_n;
+    reach_mm = std::max(reach_mm, contact.doubt.reach_mm);
+    spread_mm = std::max(spread_mm, contact.doubt.spread_mm);
+  }
+  return {{"gauss_newton_s", found.seconds},
+          {"front_mm", mean_front_mm(mesh, found.node_displacement_mm, truth_mm)},
+          {"force_error_n", std::abs(found_n - true_n)},
+          {"contacts", static_cast<double>(found.contacts.size())},
+          {"reach_mm", reach_mm},
+          {"spread_mm", spread_mm},
+          {"explained", found.explained ? 1.0 : 0.0},
+          {"truth_within_reach", points_within(touch.forces, found, false) ? 1.0 : 0.0},
+          {"truth_within_doubt", points_within(touch.forces, found, true) ? 1.0 : 0.0},
+          {"force_within_doubt", force_within(true_n, found) ? 1.0 : 0.0}};
+}
+
 json run_case(ContactForceSolver& solver, const FingerSpec& spec, const TetMesh& mesh, const Case& touch, bool quick,
               Random& random) {
-  const int draws = quick ? 2 : 20;
+  const int draws = quick ? 10 : 100;
   if (!solver.press(touch.forces)) throw std::runtime_error("contact forces: no equilibrium for '" + touch.name + "'");
-  const std::vector<double> truth = solver.node_displacement_mm();
+  const std::vector<double> truth_mm = solver.node_displacement_mm();
   const PlatePoses clean = solver.plates();
-  std::vector<double> seconds, front_mm, force_error_n, reach_mm;
-  int explained = 0, within = 0;
-  double true_n = 0;
-  for (const FaceForce& force : touch.forces) true_n += force.force_n;
-  json row{{"touch", touch.name}, {"force_n", true_n}};
+  json row{{"touch", touch.name}, {"force_n", total_n(touch.forces)}, {"draws", draws}};
+  double worst_front_mm = 0, worst_s = 0;
   for (int draw = 0; draw < draws; ++draw) {
     if (interrupted()) throw Interrupted();
     PlateNumbers noisy = plate_numbers(clean);
     add_noise(spec.noise, random, noisy);
     const PlatePoses measured = seen_poses({noisy.data(), 18});
     const ContactForces found = solver.gauss_newton(measured);
-    seconds.push_back(found.curve.back().seconds);
-    front_mm.push_back(mean_front_mm(mesh, found.node_displacement_mm, truth));
-    double total_n = 0, most_mm = 0;
-    for (const Contact& contact : found.contacts) {
-      total_n += contact.force_n;
-      most_mm = std::max(most_mm, contact.doubt.reach_mm);
-    }
-    force_error_n.push_back(std::abs(total_n - true_n));
-    reach_mm.push_back(most_mm);
-    explained += found.explained;
-    within += within_doubt(touch.forces, found);
+    const json figures = draw_figures(touch, truth_mm, mesh, found);
+    for (const auto& [key, value] : figures.items()) row[key] = row.value(key, 0.0) + value.get<double>() / draws;
+    worst_front_mm = std::max(worst_front_mm, figures["front_mm"].get<double>());
+    worst_s = std::max(worst_s, found.seconds);
     if (draw > 0) continue;
-    row["contacts"] = found.contacts.size();
     row["gauss_newton_curve"] = curve(found);
     const ContactForces paper = solver.lbfgs(measured, quick ? 5 : 200);
     row["lbfgs_curve"] = curve(paper);
     row["lbfgs_s"] = paper.curve.back().seconds;
-    row["lbfgs_front_mm"] = mean_front_mm(mesh, paper.node_displacement_mm, truth);
+    row["lbfgs_front_mm"] = mean_front_mm(mesh, paper.node_displacement_mm, truth_mm);
     row["lbfgs_force_n"] = paper.force_n.sum();
   }
-  const auto mean = [](const std::vector<double>& values) {
-    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-  };
-  row["gauss_newton_s"] = quantile(seconds, 0.5);
-  row["front_mm"] = mean(front_mm);
-  row["force_error_n"] = mean(force_error_n);
-  row["reach_mm"] = quantile(reach_mm, 0.5);
-  row["explained"] = double(explained) / draws;
-  row["truth_within_doubt"] = double(within) / draws;
+  row["worst_front_mm"] = worst_front_mm;
+  row["worst_gauss_newton_s"] = worst_s;
   return row;
 }
 
@@ -172,7 +189,8 @@ json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, 
   };
   plot(rows, folder / "contact_forces.svg");
   json force;
-  for (const char* key : {"gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "truth_within_doubt"}) force[key] = mean(key);
+  for (const char* key : {"gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "truth_within_doubt", "force_within_doubt"})
+    force[key] = mean(key);
   force["front_mean_mm"] = mean("front_mm");
   force["cases"] = rows;
   return {{"force", force}};

@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "tests/fem/box_mesh.h"
@@ -114,6 +115,38 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: one plate of three still finds the p
   REQUIRE(one.contacts.size() == 1);
   CHECK(static_cast<double>((one.contacts[0].point_mm - push[0].point_mm).norm()) <= one.contacts[0].doubt.reach_mm);
   CHECK(one.contacts[0].doubt.reach_mm > all.contacts[0].doubt.reach_mm);
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: a weak touch is found wherever it is") {
+  for (const Vec3f& place :
+       {Vec3f(0, 20, 0), Vec3f(-4, 27, 0), Vec3f(3, 33, 0), Vec3f(-1, 41, 0), Vec3f(4.5F, 54, 0)}) {
+    for (const double force_n : {0.01, 0.02, 0.04}) {
+      const ContactForces found = solver.gauss_newton(plates_under({{place, force_n}}));
+      CAPTURE(place.y());
+      CAPTURE(force_n);
+      CHECK(found.explained);
+      REQUIRE(found.contacts.size() == 1);
+      const Contact& contact = found.contacts[0];
+      CHECK(static_cast<double>((contact.point_mm - place).norm()) <= contact.doubt.reach_mm);
+      CHECK(contact.doubt.lowest_force_n <= force_n);
+      CHECK(contact.doubt.highest_force_n >= force_n);
+    }
+  }
+}
+
+TEST_CASE_FIXTURE(Fixture, "contact forces: a pressure is within the doubt of the push that it looks like") {
+  std::vector<FaceForce> line;
+  for (int i = 0; i < 7; ++i) line.push_back({{4, 30 + 2.0F * static_cast<float>(i), 0}, 0.04});
+  const ContactForces found = solver.gauss_newton(plates_under(line));
+  REQUIRE(found.contacts.size() >= 1);
+  for (const FaceForce& force : line) {
+    bool within = false;
+    for (const Contact& contact : found.contacts) {
+      const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
+      within = within || distance_mm <= std::max(contact.doubt.reach_mm, contact.doubt.spread_mm);
+    }
+    CHECK(within);
+  }
 }
 
 TEST_CASE_FIXTURE(Fixture, "contact forces: an answer does not depend on what was asked before") {

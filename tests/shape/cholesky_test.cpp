@@ -242,6 +242,27 @@ TEST_CASE("cholesky: factor and solve in one go give what they give one after th
   CHECK(y == before);
 }
 
+TEST_CASE("cholesky: a right-hand side per lane gives what each gives alone, to rounding") {
+  Random random(6);
+  const Neighbours neighbours = grid_graph(5, 6, 4);
+  const CholeskyPlanData plan = plan_cholesky(neighbours);
+  const SparseMatrix matrix = random_matrix(neighbours, 0.1, random);
+  Cholesky<double> cholesky(plan.view());
+  fill(cholesky, plan.view(), matrix);
+  REQUIRE(cholesky.factor());
+  std::vector<simd::Vector<double>> lanes(static_cast<std::size_t>(matrix.rows()));
+  for (auto& row : lanes)
+    for (int lane = 0; lane < simd::kLanesOf<double>; ++lane) row[lane] = random.normal();
+  const auto right = lanes;
+  cholesky.solve(lanes);
+  for (int lane = 0; lane < simd::kLanesOf<double>; ++lane) {
+    std::vector<double> alone;
+    for (const auto& row : right) alone.push_back(row[lane]);
+    cholesky.solve(alone);
+    for (std::size_t i = 0; i < alone.size(); ++i) CHECK(lanes[i][lane] == doctest::Approx(alone[i]).epsilon(1e-9));
+  }
+}
+
 TEST_CASE("cholesky: refuses a negative pivot, a zero one, NaN and infinity, and recovers") {
   Random random(5);
   const Neighbours neighbours = grid_graph(6, 5, 4);

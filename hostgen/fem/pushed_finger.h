@@ -1,0 +1,49 @@
+// A finger under pushes on its front face: loads, equilibria, and what is read from them.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "hostgen/fem/equilibrium.h"
+#include "hostgen/fem/quadratic_mesh.h"
+
+namespace finsight::host {
+
+/// A force along the inward normal of the undeformed front face, at a point of it (z is taken from the face).
+struct FaceForce {
+  Vec3f point_mm = Vec3f::Zero();
+  double force_n = 0;
+};
+
+/// C3D10 and neo-Hookean as in FingerStatics. Constant after construction: one serves all threads.
+class PushedFinger {
+ public:
+  /// A vector of the ElasticBody.
+  using BodyVector = std::vector<double>;
+
+  PushedFinger(const FingerSpec& spec, const TetMesh& mesh);
+
+  const FingerSpec spec;
+  const QuadraticMesh mesh;
+  const ElasticBody body;
+  const ElasticState rest;
+
+  FacePoint at(const Eigen::Vector2d& place_mm) const { return face_point(mesh, place_mm.x(), place_mm.y()); }
+  /// `count` points spread evenly over the part of the face that is touched.
+  std::vector<FacePoint> spread_points(int count) const;
+  /// The nearest place of that part.
+  Eigen::Vector2d inside(const Eigen::Vector2d& place_mm) const;
+
+  BodyVector zero() const { return BodyVector(body.vector_size()); }
+  void add_push(const FacePoint& at, double force_n, BodyVector& load) const;
+  /// Equilibrium under `load`, from rest, in ever more even steps. False if there is none.
+  bool press(Equilibrium& solver, const BodyVector& load, ElasticState& answer) const;
+
+  Eigen::Vector3d displacement(const ElasticState& state, int node) const;
+  Eigen::Vector3d displacement(const ElasticState& state, const FacePoint& at) const;
+  PlatePoses plates(const ElasticState& state) const;
+  /// [3 * mesh nodes] of the mesh's (corner) nodes.
+  std::vector<double> node_displacement_mm(const ElasticState& state) const;
+};
+
+}  // namespace finsight::host

@@ -1,0 +1,35 @@
+#include "hostgen/fem/nonnegative_least_squares.h"
+
+#include <doctest/doctest.h>
+
+#include "hostgen/random.h"
+
+using namespace finsight::host;
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+namespace {
+
+MatrixXd random_matrix(Random& random, Index rows, Index cols) {
+  MatrixXd matrix(rows, cols);
+  for (Index j = 0; j < cols; ++j) {
+    for (Index i = 0; i < rows; ++i) matrix(i, j) = random.normal();
+  }
+  return matrix;
+}
+
+}  // namespace
+
+TEST_CASE("nonnegative least squares: the optimality conditions hold") {
+  Random random(3);
+  for (int round = 0; round < 20; ++round) {
+    const MatrixXd A = random_matrix(random, 18, 40);
+    const VectorXd b = random_matrix(random, 18, 1), x = nonnegative_least_squares(A, b);
+    const VectorXd pull = A.transpose() * (b - A * x);
+    CHECK(x.minCoeff() >= 0);
+    CHECK(pull.maxCoeff() < 1e-8);                             // no force at zero wants to grow
+    CHECK(pull.cwiseProduct(x).cwiseAbs().maxCoeff() < 1e-8);  // and none that carries wants to change
+    CHECK((b - A * x).norm() < b.norm());
+  }
+}
