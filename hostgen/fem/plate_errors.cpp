@@ -31,9 +31,8 @@ PlateErrors::PlateErrors(const FingerSpec& spec, const QuadraticMesh& mesh, cons
       fit.rest.col(static_cast<Eigen::Index>(fit.place.size())) = mesh.node_mm[index];
       fit.place.push_back(3 * static_cast<std::size_t>(body.unknown_of_node()[index]));
     }
-    // The camera looks along y: y is depth, rotation about y is roll.
-    const PoseNoise& noise = spec.noise[p];
-    fit.sigma << noise.lateral_mm, noise.depth_mm, noise.lateral_mm, noise.tilt_rad, noise.roll_rad, noise.tilt_rad;
+    const auto sigmas = spec.noise[p].standard_deviations();
+    fit.sigma = Eigen::Map<const Vector6>(sigmas.data());
     fit.sigma = fit.sigma.cwiseMax(kLeastSigma);
   }
 }
