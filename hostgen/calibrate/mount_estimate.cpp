@@ -62,7 +62,7 @@ Residuals residuals(const MountModel& nominal, const CameraModel& lens, const Re
     for (std::size_t k = 0; k < 4; ++k) {
       const Eigen::Vector3d at = T_camera_marker * marker_corner(static_cast<double>(nominal.marker_size_mm), k);
       const Vector2d off = pixel_from_ray(lens, at.head<2>() / at.z()) - seen.corner_px[plate][k];
-      r.segment<2>(8 * p + 2 * static_cast<int>(k)) = off / PlateEstimator::kCornerSigmaPx;
+      r.segment<2>(8 * p + 2 * static_cast<int>(k)) = off / kCornerSigmaPx;
     }
   }
   r.tail<kNumbers>() = x.cwiseQuotient(mounted_to());
@@ -156,7 +156,7 @@ MountEstimate estimate_mount(const MountModel& nominal, const CameraModel& lens,
   }
   MountEstimate estimate;
   const Residuals left = residuals(nominal, lens, seen, x);
-  estimate.rms_px = PlateEstimator::kCornerSigmaPx * std::sqrt(left.head<kCoordinates>().squaredNorm() / (4 * kPlates));
+  estimate.rms_px = kCornerSigmaPx * std::sqrt(left.head<kCoordinates>().squaredNorm() / (4 * kPlates));
   if (!(estimate.rms_px <= kLargestPx)) {
     throw InputError(name, "markers' corners", std::to_string(estimate.rms_px) + " pixels from any mount",
                      "at most " + std::to_string(kLargestPx) + "; is it the lens, the marker size, the finger?");
