@@ -257,9 +257,15 @@ TEST_CASE("cholesky: a right-hand side per lane gives what each gives alone, to 
   cholesky.solve(lanes);
   for (int lane = 0; lane < simd::kLanesOf<double>; ++lane) {
     std::vector<double> alone;
-    for (const auto& row : right) alone.push_back(row[lane]);
+    for (const auto& row : right) {
+      const double value = row[lane];  // clang binds no reference to a lane
+      alone.push_back(value);
+    }
     cholesky.solve(alone);
-    for (std::size_t i = 0; i < alone.size(); ++i) CHECK(lanes[i][lane] == doctest::Approx(alone[i]).epsilon(1e-9));
+    for (std::size_t i = 0; i < alone.size(); ++i) {
+      const double together = lanes[i][lane];
+      CHECK(together == doctest::Approx(alone[i]).epsilon(1e-9));
+    }
   }
 }
 
