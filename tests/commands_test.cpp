@@ -149,7 +149,7 @@ TEST_CASE("commands: the trigger starts its command and none while another one r
   REQUIRE(device.write(1021, {1}) == Exception::kNone);
   device.frame(resting(1));
   device.commands->trigger();
-  for (int i = 0; i < 20; ++i) device.frame(resting(1));
+  for (int i = 0; i <= Zeroing::kFrames; ++i) device.frame(resting(1));
   CHECK((device.frame(resting(1)).words[0] & kZeroed) != 0);
   CHECK(device.read(kResultSequenceRegister) == 0);  // nobody ordered it
 }
@@ -160,7 +160,7 @@ TEST_CASE("commands: a turn does not allocate") {
   const PlatePoses poses = resting(1);
   device.frame(poses);
   const long before = test::allocations;
-  for (int i = 0; i < 30; ++i) device.frame(poses);
+  for (int i = 0; i <= Zeroing::kFrames; ++i) device.frame(poses);
   CHECK(test::allocations == before);
   CHECK(device.read(kResultSequenceRegister) == 1);
 }
