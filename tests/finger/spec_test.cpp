@@ -156,9 +156,9 @@ TEST_CASE("spec: numbers that cannot be a finger are refused with the reason") {
       {"edge_mm = 2.3", "edge_mm = 25", "edge_mm"},
       {"force_n = [1, 6]", "force_n = [-1, 6]", "force_n"},
       {"tilt_deg = 9,", "tilt_deg = 95,", "tilt_deg"},
-      {"lateral_mm = 0.02", "lateral_mm = -0.02", "lateral_mm"},
+      {"lateral_mm = 0.010", "lateral_mm = -0.02", "lateral_mm"},
       {"top_mm = 14", "top_mm = 14\ntop_milimetres = 4", "unknown key"},
-      {"roll_deg = 0.1", "roll_deg = 0.1, yaw_deg = 1", "unknown key"},
+      {"roll_deg = 0.07", "roll_deg = 0.07, yaw_deg = 1", "unknown key"},
       {"[material]", "[materials]", "material"},
   };
   for (const Case& c : cases) {
