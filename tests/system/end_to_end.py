@@ -56,8 +56,8 @@ class Firmware:
         self.folder.cleanup()
 
 
-def session_source(speed="recorded", repeat="true"):
-    return f'kind = "session"\npath = "{SESSION}"\nspeed = "{speed}"\nrepeat = {repeat}'
+def session_source(speed="recorded", repeat="true", path=SESSION):
+    return f'kind = "session"\npath = "{path}"\nspeed = "{speed}"\nrepeat = {repeat}'
 
 
 class WholePath(unittest.TestCase):

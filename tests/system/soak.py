@@ -8,14 +8,17 @@ usage: soak.py BINARY_DIR SOURCE_DIR [--seconds N] [--clients N] [--json FILE]
 import argparse
 import json
 import math
+import os
+import shutil
 import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
 
 ARGUMENTS = sys.argv[3:]
 sys.argv = sys.argv[:3]  # end_to_end takes the first two
-from end_to_end import Firmware, prepare, session_source  # noqa: E402
+from end_to_end import SESSION, Firmware, prepare, session_source  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 from importlib.machinery import SourceFileLoader  # noqa: E402
@@ -65,13 +68,22 @@ class Client(threading.Thread):
                 self.problems.append(f"client {self.number}: {age_ms:.0f} ms old and shown as fresh")
         if last:
             heartbeats = (words[2] - last[0]) % 65536
-            if heartbeats == 0 and now - last[1] > 0.5:
-                self.problems.append(f"client {self.number}: no heartbeat for {now - last[1]:.1f} s")
+            silent_s = now - last[1] - (stolen_s() - last[2])
+            if heartbeats == 0 and silent_s > 0.5:
+                self.problems.append(f"client {self.number}: no heartbeat for {silent_s:.1f} s")
             if heartbeats > 32768:
                 self.problems.append(f"client {self.number}: the heartbeat went back")
             if heartbeats == 0:
                 return last
-        return words[2], now
+        return words[2], now, stolen_s()
+
+
+def stolen_s():
+    """CPU seconds that this virtual machine's host gave to others; 0 on a real machine. Nothing can beat meanwhile."""
+    for line in Path("/proc/stat").read_text().splitlines():
+        if line.startswith("cpu "):
+            return int(line.split()[8]) / os.sysconf("SC_CLK_TCK")
+    return 0
 
 
 def memory_kb(pid):
@@ -92,7 +104,10 @@ def main():
     parser.add_argument("--json")
     arguments = parser.parse_args(ARGUMENTS)
     prepare()
-    with Firmware(session_source()) as firmware:
+    # From memory: a disk that is busy with others would look like a camera that stalls.
+    memory = tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
+    session = shutil.copytree(SESSION, Path(memory.name) / "session")
+    with memory, Firmware(session_source(path=session)) as firmware:
         deadline = time.monotonic() + 30
         while True:
             try:
@@ -107,6 +122,7 @@ def main():
         until = time.monotonic() + arguments.seconds
         clients = [Client(n, firmware.port, until) for n in range(arguments.clients)]
         first_frames = reader.read(32, 3)
+        stolen_before_s = stolen_s()
         for client in clients:
             client.start()
         time.sleep(min(5, arguments.seconds / 4))  # everything has been used once
@@ -129,7 +145,7 @@ def main():
         "dropped_frames": last_frames[2] - first_frames[2],
         "exposure_to_answer_ms": {f"p{int(share * 1000) / 10:g}": round(percentile(latency, share), 2)
                                   for share in (0.5, 0.9, 0.99, 0.999)},
-        "memory_kb_before": before_kb, "memory_kb_after": after_kb,
+        "stolen_s": round(stolen_s() - stolen_before_s, 1), "memory_kb_before": before_kb, "memory_kb_after": after_kb,
     }
     if after_kb - before_kb > 1024:
         problems.append(f"memory grew from {before_kb} to {after_kb} kB")
