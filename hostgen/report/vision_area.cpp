@@ -193,7 +193,7 @@ json draw_paths(const Model& model, const FingerSpec& spec, const std::filesyste
   plot.line("set term svg size 1000,1000; set multiplot layout 2,2");
   plot.line("set size ratio -1; set xlabel 'x, mm'; set ylabel 'y, mm'; set grid");
   for (const auto& [name, kind] : touch_paths()) {
-    if (kind == TouchPlan::Path::kWander || kind == TouchPlan::Path::kFast) continue;
+    if (kind < TouchPlan::Path::kCircle || kind > TouchPlan::Path::kStar) continue;
     const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, kind), frames, kFramesPerSecond);
     const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
     Renderer renderer(spec, camera, quality, kSeed);
