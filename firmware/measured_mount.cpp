@@ -13,7 +13,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kDegPerRad = 180 / std::numbers::pi;
-constexpr std::array<const char*, kPlates> kPlateTables = {"top", "middle", "low"};
 
 Vector3d vector(TomlTable& table, const char* key, double largest) {
   const std::vector<double> values = table.numbers(key, 3, -largest, largest);
@@ -58,14 +57,14 @@ MeasuredMount read_measured_mount(TomlTable table) {
   MeasuredMount mount;
   mount.where = table.where();
   mount.T_finger_camera = read_pose(table.table("camera"));
-  for (std::size_t p = 0; p < kPlates; ++p) mount.T_finger_marker[p] = read_pose(table.table(kPlateTables[p]));
+  for (std::size_t p = 0; p < kPlates; ++p) mount.T_finger_marker[p] = read_pose(table.table(kPlateNames[p]));
   table.finish();
   return mount;
 }
 
 std::string measured_mount_toml(const MeasuredMount& mount) {
   std::string text = pose_toml("camera", mount.T_finger_camera);
-  for (std::size_t p = 0; p < kPlates; ++p) text += pose_toml(kPlateTables[p], mount.T_finger_marker[p]);
+  for (std::size_t p = 0; p < kPlates; ++p) text += pose_toml(kPlateNames[p], mount.T_finger_marker[p]);
   return text;
 }
 
@@ -74,7 +73,7 @@ MountModel corrected_mount(const MountModel& model, const MeasuredMount& measure
   mount.T_finger_camera = checked("camera", model.T_finger_camera, measured.T_finger_camera, measured.where);
   for (std::size_t p = 0; p < kPlates; ++p) {
     mount.T_finger_marker[p] =
-        checked(kPlateTables[p], model.T_finger_marker[p], measured.T_finger_marker[p], measured.where);
+        checked(kPlateNames[p], model.T_finger_marker[p], measured.T_finger_marker[p], measured.where);
   }
   return mount;
 }

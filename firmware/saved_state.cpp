@@ -15,7 +15,6 @@ namespace finsight {
 
 namespace {
 
-constexpr std::array<const char*, kPlates> kPlateName = {"top", "middle", "low"};
 constexpr int kVersion = 1;  // of the file; another one when settings are added
 
 void add_numbers(std::string& text, const PlateMotion& motion) {
@@ -38,7 +37,7 @@ std::string text_of(const SavedState& state) {
   text += "[zero]\nset = " + std::string(state.zero ? "true" : "false") + "\n";
   if (!state.zero) return text;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    text += std::string(kPlateName[p]) + " = [";
+    text += std::string(kPlateNames[p]) + " = [";
     add_numbers(text, (*state.zero)[p]);
     text += "]  # mm, rad\n";
   }
@@ -50,7 +49,7 @@ std::optional<ZeroPose> read_zero(TomlTable table) {
   const bool is_set = table.flag("set");
   if (is_set) {
     for (std::size_t p = 0; p < kPlates; ++p) {
-      const auto numbers = table.numbers(kPlateName[p], 6, -10, 10);
+      const auto numbers = table.numbers(kPlateNames[p], 6, -10, 10);
       for (int i = 0; i < 6; ++i) {
         Vec3f& part = i < 3 ? zero[p].displacement_mm : zero[p].rotation_rad;
         part[i % 3] = static_cast<float>(numbers[static_cast<std::size_t>(i)]);

@@ -21,6 +21,8 @@ using Vec3f = Eigen::Vector3f;
 /// The three rigid plates that carry a marker each, in the order of the registers and of every array over plates.
 inline constexpr int kPlates = 3;
 enum Plate : int { kTopPlate = 0, kMiddlePlate = 1, kLowPlate = 2 };
+/// As files and messages call them.
+inline constexpr std::array<const char*, kPlates> kPlateNames = {"top", "middle", "low"};
 
 /// How much a value may be trusted: measured from this frame, repeated from an earlier one, or not to be used.
 enum class Quality : std::uint8_t { kInvalid, kHeld, kFresh };

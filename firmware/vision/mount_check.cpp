@@ -1,4 +1,5 @@
 #include "firmware/vision/mount_check.h"
+#include "firmware/plate_motion.h"
 
 #include <Eigen/QR>
 #include <algorithm>
@@ -6,13 +7,12 @@
 namespace finsight {
 namespace {
 
-constexpr double kMillimetresPerRadian = 28.65;  // as the touch network weighs rotations
-
 Eigen::Matrix<double, 18, 1> scaled_numbers(const PlatePoses& poses) {
   Eigen::Matrix<double, 18, 1> numbers;
   for (int p = 0; p < kPlates; ++p) {
     numbers.segment<3>(6 * p) = poses.plates[p].displacement_mm.cast<double>();
-    numbers.segment<3>(6 * p + 3) = kMillimetresPerRadian * poses.plates[p].rotation_rad.cast<double>();
+    numbers.segment<3>(6 * p + 3) =
+        static_cast<double>(kMillimetresPerRadian) * poses.plates[p].rotation_rad.cast<double>();
   }
   return numbers;
 }
@@ -29,7 +29,7 @@ MountCheck::MountCheck(const MountModel& mount) {
     for (int axis = 0; axis < 3; ++axis) {
       rigid.block<3, 1>(6 * p, 3 + axis) = Eigen::Vector3d::Unit(axis).cross(c);
     }
-    rigid.block<3, 3>(6 * p + 3, 3) = kMillimetresPerRadian * Eigen::Matrix3d::Identity();
+    rigid.block<3, 3>(6 * p + 3, 3) = static_cast<double>(kMillimetresPerRadian) * Eigen::Matrix3d::Identity();
   }
   const Eigen::HouseholderQR<Eigen::Matrix<double, 18, 6>> qr(rigid);
   const Eigen::Matrix<double, 18, 6> basis = qr.householderQ() * Eigen::Matrix<double, 18, 6>::Identity();

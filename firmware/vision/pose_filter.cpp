@@ -1,4 +1,5 @@
 #include "firmware/vision/pose_filter.h"
+#include "firmware/plate_motion.h"
 
 #include <cmath>
 
@@ -24,10 +25,7 @@ void PoseFilter::process(PlatePoses& poses, std::int64_t exposure_ns) {
   const double share = elapsed_ns / (delay_ns_ + elapsed_ns);
   const auto part = static_cast<float>(share);
   for (int p = 0; p < kPlates; ++p) {
-    PlateMotion& now = poses.plates[p];
-    const PlateMotion& before = last_.plates[p];
-    now.displacement_mm = before.displacement_mm + part * (now.displacement_mm - before.displacement_mm);
-    now.rotation_rad = before.rotation_rad + part * (now.rotation_rad - before.rotation_rad);
+    poses.plates[p] = on_the_way(last_.plates[p], poses.plates[p], part);
   }
   noise_share_ = std::hypot(share, (1 - share) * noise_share_);
   for (float& noise : poses.noise) noise *= static_cast<float>(noise_share_);

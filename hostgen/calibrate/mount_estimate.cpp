@@ -13,7 +13,7 @@
 #include "firmware/vision/marker_stage.h"
 #include "firmware/vision/plate_estimator.h"
 #include "hostgen/common.h"
-#include "hostgen/finger/spec.h"
+#include "hostgen/finger/plate_motion.h"
 
 namespace finsight::host {
 
@@ -34,11 +34,7 @@ using Numbers = Eigen::Matrix<double, kNumbers, 1>;  // per place: shift, rotati
 using Residuals = Eigen::Matrix<double, kCoordinates + kNumbers, 1>;
 
 Isometry3d moved(const Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& by) {
-  Isometry3d now = pose;
-  const Eigen::Vector3d turn = by.tail<3>();
-  now.translation() += by.head<3>();
-  if (turn.norm() > 0) now.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * pose.linear();
-  return now;
+  return host::moved(pose, by.head<3>(), by.tail<3>());
 }
 
 Numbers mounted_to() {

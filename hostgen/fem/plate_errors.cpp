@@ -21,7 +21,6 @@ Eigen::Matrix<double, 3, 6> rigid_motion(const Eigen::Vector3d& arm) {
 }  // namespace
 
 PlateErrors::PlateErrors(const FingerSpec& spec, const QuadraticMesh& mesh, const ElasticBody& body) {
-  constexpr double kLeastSigma = 1e-6;
   for (std::size_t p = 0; p < kPlates; ++p) {
     Fit& fit = fits_[p];
     fit.centre = spec.plates[p].T_finger_marker.translation();
@@ -33,7 +32,7 @@ PlateErrors::PlateErrors(const FingerSpec& spec, const QuadraticMesh& mesh, cons
     }
     const auto sigmas = spec.noise[p].standard_deviations();
     fit.sigma = Eigen::Map<const Vector6>(sigmas.data());
-    fit.sigma = fit.sigma.cwiseMax(kLeastSigma);
+    fit.sigma = fit.sigma.cwiseMax(PoseNoise::kLeast);
   }
 }
 

@@ -1,28 +1,28 @@
-// What is done with plate motions.
+// Where plates are once they have moved.
 #pragma once
 
 #include <Eigen/Geometry>
 
-#include "firmware/types.h"
+#include "firmware/plate_motion.h"
+#include "hostgen/finger/spec.h"
 
 namespace finsight::host {
 
-/// Half a millimetre per degree, the lever of a plate's edge: makes rotations comparable with displacements.
-constexpr float kMillimetresPerRadian = 28.65f;
-
-/// The part `t` (0: a, 1: b) of an even way from a to b, number by number.
-inline PlateMotion on_the_way(const PlateMotion& a, const PlateMotion& b, float t) {
-  return {a.displacement_mm + t * (b.displacement_mm - a.displacement_mm),
-          a.rotation_rad + t * (b.rotation_rad - a.rotation_rad)};
+/// A frame after a displacement and a rotation vector (radians) about its own origin, both in the parent's axes.
+inline Eigen::Isometry3d moved(const Eigen::Isometry3d& rest, const Eigen::Vector3d& displacement_mm,
+                               const Eigen::Vector3d& rotation_rad) {
+  const double angle = rotation_rad.norm();
+  Eigen::Isometry3d now = rest;
+  now.translation() += displacement_mm;
+  if (angle > 0) now.linear() = Eigen::AngleAxisd(angle, rotation_rad.normalized()) * rest.linear();
+  return now;
 }
 
-/// A plate's frame (its marker's, in the finger frame) after a motion from `rest`.
-inline Eigen::Isometry3d moved(const Eigen::Isometry3d& rest, const PlateMotion& motion) {
-  const Eigen::Vector3d rotation = motion.rotation_rad.cast<double>();
-  Eigen::Isometry3d now = rest;
-  now.translation() += motion.displacement_mm.cast<double>();
-  if (rotation.norm() > 0) now.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()) * rest.linear();
-  return now;
+/// Where the camera has a plate's marker that has moved.
+inline Eigen::Isometry3d T_camera_marker(const FingerSpec& spec, std::size_t plate, const PlateMotion& motion) {
+  return spec.T_finger_camera.inverse() * moved(spec.plates[plate].T_finger_marker,
+                                                motion.displacement_mm.cast<double>(),
+                                                motion.rotation_rad.cast<double>());
 }
 
 }  // namespace finsight::host

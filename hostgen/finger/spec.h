@@ -13,8 +13,6 @@ namespace finsight::host {
 
 struct SurfaceFinger;  // surface_finger.h
 
-inline constexpr std::array<const char*, kPlates> kPlateNames = {"top", "middle", "low"};
-
 /// A quantity that changes linearly with height: value(y) = at_base + slope * y.
 struct Taper {
   double at_base_mm = 0;
@@ -57,6 +55,8 @@ struct PoseNoise {
   double depth_mm = 0;    ///< along it
   double tilt_rad = 0;    ///< rotation out of the picture plane
   double roll_rad = 0;    ///< rotation in the picture plane
+
+  static constexpr double kLeast = 1e-6;  ///< mm or rad: what smaller ones count as where something is divided by them
 
   /// In the order of the plate numbers: displacement x y z, rotation x y z. The camera looks along the finger's y axis:
   /// y is depth, x and z are lateral, rotations about x and z are tilt, about y roll.

@@ -13,7 +13,6 @@ constexpr double kFractions[] = {0.0, 0.25, 0.5, 0.75, 1.0};
 // The prior is over measured motions. This much measurement noise makes the covariance positive definite (the states
 // lie near a three-dimensional surface) and keeps the completion of unseen plates from amplifying noise.
 constexpr double kNoise_mm = 0.1, kNoise_rad = 0.005;
-constexpr double kLeastSigma = 1e-6;
 
 }  // namespace
 
@@ -42,7 +41,7 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
   for (const double value : covariance.reshaped()) prior.covariance.push_back(static_cast<float>(value));
   for (const PoseNoise& plate : noise) {
     for (const double sigma : plate.standard_deviations()) {
-      prior.noise.push_back(static_cast<float>(std::max(sigma, kLeastSigma)));
+      prior.noise.push_back(static_cast<float>(std::max(sigma, PoseNoise::kLeast)));
     }
   }
   return prior;

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/plate_motion.h"
 #include "firmware/touch/features.h"
-#include "hostgen/finger/plate_motion.h"
 
 namespace finsight::host {
 

@@ -20,13 +20,9 @@ double radii(const TouchTrial& trial) {
 }
 
 PlatePoses poses_of(const PlateNumbers& numbers, const Measuring& how) {
-  PlatePoses poses;
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    poses.plates[p] = {numbers.segment<3>(6 * static_cast<int>(p)), numbers.segment<3>(6 * static_cast<int>(p) + 3)};
-  }
+  PlatePoses poses = seen_poses({numbers.data(), 18});
   poses.seen = how.seen;
   poses.noise.fill(how.noise);
-  poses.quality = Quality::kFresh;
   return poses;
 }
 

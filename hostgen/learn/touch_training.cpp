@@ -105,10 +105,9 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
 }
 
 std::string missing_plates_table(Run& run, const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
-  constexpr const char* kNames[kPlates] = {"top", "middle", "low"};
   std::string table;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    table += line((std::string("held-out points, noisy, only the ") + kNames[p] + " plate seen").c_str(),
+    table += line((std::string("held-out points, noisy, only the ") + kPlateNames[p] + " plate seen").c_str(),
                   score(run.noisy_trials(spec, prior, seed, {p == 0, p == 1, p == 2}), spec.threshold_mm));
   }
   return table;

@@ -27,9 +27,8 @@ std::string markers_row(const RecordingAudit& audit) {
   std::string names;
   std::size_t plates = 0;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    constexpr const char* kNames[kPlates] = {"top", "middle", "low"};
     if (!audit.recorded[p]) continue;
-    names += (names.empty() ? "" : ", ") + std::string(kNames[p]);
+    names += (names.empty() ? "" : ", ") + std::string(kPlateNames[p]);
     ++plates;
   }
   return row(

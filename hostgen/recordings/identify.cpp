@@ -9,10 +9,10 @@
 #include <stdexcept>
 
 #include "firmware/input_error.h"
+#include "firmware/plate_motion.h"
 #include "hostgen/common.h"
 #include "hostgen/fem/statics.h"
 #include "hostgen/finger/grid.h"
-#include "hostgen/finger/plate_motion.h"
 #include "hostgen/recordings/audit.h"
 
 namespace finsight::host {

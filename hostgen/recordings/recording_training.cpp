@@ -5,10 +5,10 @@
 #include <stdexcept>
 
 #include "firmware/model/plate_prior.h"
+#include "firmware/plate_motion.h"
 #include "firmware/touch/features.h"
 #include "firmware/touch/touch_stage.h"
 #include "hostgen/common.h"
-#include "hostgen/finger/plate_motion.h"
 #include "hostgen/learn/network.h"
 #include "hostgen/learn/regression.h"
 #include "hostgen/learn/split.h"

@@ -161,19 +161,18 @@ void Renderer::render(std::span<const Scene> exposure, std::vector<std::uint8_t>
 }
 
 void Renderer::draw(const Scene& scene) {
-  std::array<Eigen::Isometry3d, kPlates> T_camera_marker;
+  std::array<Eigen::Isometry3d, kPlates> marker;
   std::array<int, kPlates> order{};
   for (int plate = 0; plate < kPlates; ++plate) {
-    T_camera_marker[plate] =
-        spec_.T_finger_camera.inverse() * moved(spec_.plates[plate].T_finger_marker, scene.plates[plate]);
+    marker[plate] = T_camera_marker(spec_, static_cast<std::size_t>(plate), scene.plates[plate]);
     order[plate] = plate;
   }
   // From far to near: what is nearer covers what is behind it.
   std::sort(order.begin(), order.end(),
-            [&](int a, int b) { return T_camera_marker[a].translation().z() > T_camera_marker[b].translation().z(); });
+            [&](int a, int b) { return marker[a].translation().z() > marker[b].translation().z(); });
   picture_ = background_;
   for (const int plate : order) {
-    if (!scene.covered[plate]) draw_plate(faces_[plate], T_camera_marker[plate]);
+    if (!scene.covered[plate]) draw_plate(faces_[plate], marker[plate]);
   }
 }
 

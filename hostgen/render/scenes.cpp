@@ -1,10 +1,9 @@
 #include "hostgen/render/scenes.h"
+#include "firmware/plate_motion.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-
-#include "hostgen/finger/plate_motion.h"
 
 namespace finsight::host {
 

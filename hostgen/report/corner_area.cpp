@@ -49,17 +49,15 @@ struct DrawnMarker {
 };
 
 DrawnMarker drawn(const FingerSpec& spec, const CameraModel& lens, std::size_t plate, const PlateMotion& motion) {
-  const Eigen::Isometry3d T_camera_marker =
-      spec.T_finger_camera.inverse() * moved(spec.plates[plate].T_finger_marker, motion);
+  const Eigen::Isometry3d pose = T_camera_marker(spec, plate, motion);
   DrawnMarker marker;
   for (std::size_t k = 0; k < 4; ++k) {
-    const Eigen::Vector3d corner = T_camera_marker * marker_corner(spec.marker_size_mm, k);
+    const Eigen::Vector3d corner = pose * marker_corner(spec.marker_size_mm, k);
     marker.truth[k] = pixel_from_ray(lens, corner.head<2>() / corner.z()).cast<float>();
   }
-  const Eigen::Vector3d centre = T_camera_marker.translation();
+  const Eigen::Vector3d centre = pose.translation();
   marker.distance_mm = centre.norm();
-  marker.tilt_deg =
-      std::acos(std::abs(T_camera_marker.linear().col(2).dot(centre.normalized()))) * 180 / std::numbers::pi;
+  marker.tilt_deg = std::acos(std::abs(pose.linear().col(2).dot(centre.normalized()))) * 180 / std::numbers::pi;
   return marker;
 }
 

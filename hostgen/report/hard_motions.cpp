@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "hostgen/finger/plate_motion.h"
+#include "firmware/plate_motion.h"
 #include "hostgen/report/motions.h"
 
 namespace finsight::host {

@@ -182,12 +182,12 @@ json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsi
 }
 
 /// The paper's four paths (its figure 7) as the firmware sees them in pictures of preset lab, drawn over the truth.
-json draw_paths(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
+json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh, const std::filesystem::path& folder,
+                bool quick) {
   const double seconds = quick ? 3 : 8;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const CameraIntrinsics& camera = spec.cameras[0];
   const PictureQuality quality = picture_preset("lab");
-  const TetMesh mesh = make_mesh(spec);
   json rows = json::array();
   Gnuplot plot(folder / "paths.svg");
   plot.line("set term svg size 1000,1000; set multiplot layout 2,2");
@@ -234,7 +234,8 @@ json draw_paths(const Model& model, const FingerSpec& spec, const std::filesyste
 json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
   const double seconds = quick ? 4 : 24;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
-  const auto states = make_touch_path(spec, make_mesh(spec), TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);
+  const TetMesh mesh = make_mesh(spec);
+  const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);
   const std::size_t sizes = quick ? 1 : spec.cameras.size();  // the larger one first
   json vision;
   const auto presets = picture_presets();
@@ -249,7 +250,7 @@ json measure_vision(const Model& model, const FingerSpec& spec, const std::files
   }
   for (const char* key : {"frame_ms_p50", "frame_ms_p99", "poses_ms_p50"}) vision[key] = vision["lab"][key];
   vision["picture"] = std::to_string(spec.cameras[0].width_px) + "x" + std::to_string(spec.cameras[0].height_px);
-  vision["paths"] = draw_paths(model, spec, folder, quick);
+  vision["paths"] = draw_paths(model, spec, mesh, folder, quick);
   vision["corners"] = measure_corners(spec, quick);
   return {{"vision", vision}};
 }
