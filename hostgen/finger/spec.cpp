@@ -60,7 +60,13 @@ void read_shape(TomlTable table, FingerSpec& spec) {
   table.finish();
 }
 
-Eigen::AlignedBox3d read_box(TomlTable table) {
+/// By its corners, or as the box around the faces that the surface's file has under a label: found when that is read.
+Eigen::AlignedBox3d read_box(TomlTable table, const std::string& field, SurfaceSource& source) {
+  if (table.has("label")) {
+    source.label[field] = table.text("label");
+    table.finish();
+    return {};
+  }
   const Eigen::Vector3d lowest = vector3(table, "min_mm", kLargestMm), highest = vector3(table, "max_mm", kLargestMm);
   if (!(lowest.array() < highest.array()).all()) {
     throw InputError(table.where("max_mm"), "max_mm", place_text(highest), "more than min_mm in all three");
@@ -92,20 +98,22 @@ void read_surface(TomlTable table, SurfaceSource& source) {
   if (table.has("axes")) source.R_finger_file = read_axes(table);
   if (table.has("origin_mm")) source.origin_mm = vector3(table, "origin_mm", 100 * kLargestMm);
   source.units = table.choice("units", {"mm", "cm", "m", "inch"});
-  source.base_mm = read_box(table.table("base"));
-  source.front_mm = read_box(table.table("front"));
+  source.base_mm = read_box(table.table("base"), "surface.base", source);
+  source.front_mm = read_box(table.table("front"), "surface.front", source);
   table.finish();
 }
 
 /// In a surface, the plate's box says where it is; in a parametric finger, fractions of its inner width and depth.
-void read_place(TomlTable& entry, PlateSpec& plate, PlateBox& box, bool in_surface) {
-  if (!in_surface) {
+void read_place(TomlTable& entry, FingerSpec& spec, int index, SurfaceSource* source) {
+  PlateSpec& plate = spec.plates[index];
+  if (!source) {
     plate.beam_y_mm = entry.number("beam_y_mm", 0, kLargestMm);
     plate.across = ascending_pair(entry, "across", -1, 1);
     plate.deep = ascending_pair(entry, "deep", 0, 1);
     return;
   }
-  box.box_mm = read_box(entry.table("box"));
+  PlateBox& box = source->plates[index];
+  box.box_mm = read_box(entry.table("box"), std::string("plates.") + kPlateNames[index] + ".box", *source);
   const std::string joined = entry.choice("joined", {"-x", "+x", "-y", "+y", "-z", "+z"}, "+y");
   box.axis = joined[1] - 'x';
   box.side = joined[0] == '+' ? 1 : -1;
@@ -139,12 +147,13 @@ PoseNoise read_noise(TomlTable table) {
   return noise;
 }
 
-void read_plates(TomlTable table, FingerSpec& spec, std::array<PlateBox, kPlates>& boxes, bool in_surface) {
+/// `source`: of the surface; none for a parametric finger.
+void read_plates(TomlTable table, FingerSpec& spec, SurfaceSource* source) {
   std::set<int> ids;
   for (int index = 0; index < kPlates; ++index) {
     TomlTable entry = table.table(kPlateNames[index]);
     PlateSpec& plate = spec.plates[index];
-    read_place(entry, plate, boxes[index], in_surface);
+    read_place(entry, spec, index, source);
     plate.marker_id = static_cast<int>(entry.integer("marker_id", 0, 49));  // DICT_4X4_50 has 50 markers
     if (!ids.insert(plate.marker_id).second) {
       throw InputError(entry.where("marker_id"), "marker_id", std::to_string(plate.marker_id) + " twice",
@@ -292,7 +301,7 @@ FingerSpec read_finger_spec(const std::filesystem::path& file) {
   spec.sha256 = sha256_hex(bytes);
   read_material(table.table("material"), spec);
   read_markers(table.table("markers"), spec);
-  read_plates(table.table("plates"), spec, source.plates, in_surface);
+  read_plates(table.table("plates"), spec, in_surface ? &source : nullptr);
   read_camera(table.table("camera"), spec);
   if (in_surface) {
     spec.surface = std::make_shared<const SurfaceFinger>(read_surface_finger(source, file));

@@ -42,9 +42,51 @@ void check_size(const TriangleSurface& surface, const SurfaceSource& source) {
       "a finger of 20 to 1000 mm" + guess.str() + (guess.str().empty() ? "" : "? Say so as surface.units"));
 }
 
+std::string box_field(int plate) { return std::string("plates.") + kPlateNames[plate] + ".box"; }
+
+/// The box around the faces that the file has under a name.
+AlignedBox3d labelled_box(const TriangleSurface& surface, const std::string& label, const SurfaceSource& source,
+                          const std::string& spec, const std::string& field) {
+  const auto found = surface.labelled.find(label);
+  if (found == surface.labelled.end() || label.empty()) {
+    std::string names;
+    for (const auto& [name, points] : surface.labelled) {
+      if (!name.empty()) names += (names.empty() ? "" : ", ") + name;
+    }
+    throw InputError(spec, field, "label \"" + label + "\"",
+                     "a name of faces in " + source.file.string() + " (" +
+                         (names.empty() ? "it has none: OBJ's groups and solids of an ASCII STL have names" : names) +
+                         ")");
+  }
+  AlignedBox3d box;
+  for (const int point : found->second) box.extend(surface.point_mm[point]);
+  return box;
+}
+
+/// Boxes of labels. Rounding must not put a face beside its own box, so it is a little larger, beyond what snaps to it;
+/// not where a plate is cut off.
+void find_labelled(const TriangleSurface& surface, SurfaceSource& source, const std::string& spec) {
+  constexpr double kRoom_mm = 2 * kSnapMm;
+  const auto find = [&](const std::string& field, AlignedBox3d& box) {
+    const auto label = source.label.find(field);
+    if (label == source.label.end()) return false;
+    box = labelled_box(surface, label->second, source, spec, field);
+    box.min().array() -= kRoom_mm;
+    box.max().array() += kRoom_mm;
+    return true;
+  };
+  find("surface.base", source.base_mm);
+  find("surface.front", source.front_mm);
+  for (int p = 0; p < kPlates; ++p) {
+    PlateBox& plate = source.plates[p];
+    if (!find(box_field(p), plate.box_mm)) continue;
+    (plate.side > 0 ? plate.box_mm.max() : plate.box_mm.min())[plate.axis] -= plate.side * kRoom_mm;
+  }
+}
+
 void check_boxes_apart(const SurfaceSource& source, const std::string& spec) {
   for (int a = 0; a < kPlates; ++a) {
-    const std::string field = std::string("plates.") + kPlateNames[a] + ".box";
+    const std::string field = box_field(a);
     if (source.plates[a].box_mm.intersects(source.base_mm))
       throw InputError(spec, field, "the base in it", "a plate alone");
     for (int b = 0; b < a; ++b) {
@@ -72,20 +114,24 @@ Surface SurfaceFinger::tetgen_input() const {
   return input;
 }
 
-SurfaceFinger read_surface_finger(const SurfaceSource& source, const std::filesystem::path& spec_file) {
+SurfaceFinger read_surface_finger(SurfaceSource as_written, const std::filesystem::path& spec_file) {
   const std::string spec = spec_file.string();
   SurfaceFinger finger;
-  finger.source = source;
+  SurfaceSource& source = finger.source = std::move(as_written);
   TriangleSurface& surface = finger.surface;
   surface = read_triangles(source.file, kUnits_mm.at(source.units));
   check_size(surface, source);
   check_bounds_a_solid(surface, source.file.string());
   for (Eigen::Vector3d& at : surface.point_mm) at = source.R_finger_file * (at - source.origin_mm);
+  find_labelled(surface, source, spec);
   check_boxes_apart(source, spec);
   for (const PlateBox& plate : source.plates) snap_to_box(surface, plate.box_mm);
-  const auto field = [](int plate) { return std::string("plates.") + kPlateNames[plate] + ".box"; };
-  for (int p = 0; p < kPlates; ++p) finger.joints[p] = cut_at_joined_face(surface, source.plates[p], spec, field(p));
-  for (int p = 0; p < kPlates; ++p) finger.plate_skin[p] = plate_triangles(surface, source.plates[p], spec, field(p));
+  for (int p = 0; p < kPlates; ++p) {
+    finger.joints[p] = cut_at_joined_face(surface, source.plates[p], spec, box_field(p));
+  }
+  for (int p = 0; p < kPlates; ++p) {
+    finger.plate_skin[p] = plate_triangles(surface, source.plates[p], spec, box_field(p));
+  }
 
   const auto in_base = std::count_if(surface.point_mm.begin(), surface.point_mm.end(),
                                      [&](const Eigen::Vector3d& at) { return source.base_mm.contains(at); });

@@ -1,9 +1,10 @@
-// A finger whose shape comes from a file: its closed surface, with boxes that say what of it are plates, base and
-// front.
+// A finger whose shape comes from a file: its closed surface, with boxes, or the file's own names of faces, that say
+// what of it are plates, base and front.
 #pragma once
 
 #include <array>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,8 @@ struct SurfaceSource {
   Eigen::Vector3d origin_mm = Eigen::Vector3d::Zero();  ///< of the finger frame, in the file's axes
   std::array<PlateBox, kPlates> plates;                 ///< top, middle, low
   Eigen::AlignedBox3d base_mm, front_mm;
+  /// Boxes that are those around the faces of a name in the file: by field of the spec ("surface.base"), the name.
+  std::map<std::string, std::string> label;
 };
 
 struct SurfaceFinger {
@@ -35,6 +38,6 @@ struct SurfaceFinger {
 };
 
 /// Reads and checks the surface. Throws InputError, naming the surface's file or the field of `spec_file`.
-SurfaceFinger read_surface_finger(const SurfaceSource& source, const std::filesystem::path& spec_file);
+SurfaceFinger read_surface_finger(SurfaceSource source, const std::filesystem::path& spec_file);
 
 }  // namespace finsight::host

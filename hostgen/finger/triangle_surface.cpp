@@ -50,6 +50,7 @@ TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm
   Points points(surface.point_mm);
   for (unsigned m = 0; m < scene->mNumMeshes; ++m) {  // OBJ's groups and STL's solids are one surface
     const aiMesh& mesh = *scene->mMeshes[m];
+    std::vector<int>& labelled = surface.labelled[mesh.mName.C_Str()];
     for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
       std::vector<int> corner;
       for (unsigned i = 0; i < mesh.mFaces[f].mNumIndices; ++i) {
@@ -60,6 +61,7 @@ TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm
         }
         corner.push_back(points.number(unit_mm * Eigen::Vector3d(at.x, at.y, at.z)));
       }
+      labelled.insert(labelled.end(), corner.begin(), corner.end());
       for (std::size_t i = 2; i < corner.size(); ++i) surface.triangle.push_back({corner[0], corner[i - 1], corner[i]});
     }
   }

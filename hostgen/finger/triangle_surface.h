@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@ namespace finsight::host {
 struct TriangleSurface {
   std::vector<Eigen::Vector3d> point_mm;
   std::vector<std::array<int, 3>> triangle;
+  std::map<std::string, std::vector<int>> labelled{};  ///< points of the faces that a file has under a name
 
   std::array<Eigen::Vector3d, 3> corners(std::size_t t) const {
     return {point_mm[triangle[t][0]], point_mm[triangle[t][1]], point_mm[triangle[t][2]]};
@@ -32,7 +34,8 @@ struct TriangleSurface {
 std::string place_text(const Eigen::Vector3d& at_mm);
 
 /// Reads .stl (binary or ASCII), .ply or .obj (by the name's end) whose numbers are in units of `unit_mm`. Points of
-/// equal coordinates become one; a face of more than three corners becomes a fan. Throws InputError.
+/// equal coordinates become one; a face of more than three corners becomes a fan. OBJ's groups and STL's solids have
+/// names. Throws InputError.
 TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm);
 
 /// Throws InputError, naming the file, how many and where, unless the surface bounds one solid in one piece, with or

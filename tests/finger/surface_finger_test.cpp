@@ -149,6 +149,72 @@ TEST_CASE("surface finger: the paper's finger, exported and read again, has the 
   }
 }
 
+namespace {
+
+/// The finger's surface as an OBJ with a group for each part.
+void write_labelled_obj(const std::filesystem::path& file) {
+  const TriangleSurface& surface = srm_surface();
+  std::map<std::string, std::string> faces;
+  for (const auto& corner : surface.triangle) {
+    const auto all_of = [&](const std::vector<int>& nodes) {
+      return std::all_of(corner.begin(), corner.end(),
+                         [&](int point) { return std::binary_search(nodes.begin(), nodes.end(), point); });
+    };
+    std::string group = all_of(srm_mesh().front_nodes) ? "skin" : all_of(srm_mesh().base_nodes) ? "foot" : "rest";
+    for (int p = 0; p < kPlates; ++p) {
+      if (all_of(srm_mesh().plate_nodes[p])) group = std::string("plate_") + kPlateNames[p];
+    }
+    std::string& text = faces[group] += "f";
+    for (const int point : corner) text += " " + std::to_string(point + 1);
+    text += "\n";
+  }
+  std::ofstream out(file);
+  out.precision(17);
+  for (const Vector3d& at : surface.point_mm) out << "v " << at.x() << " " << at.y() << " " << at.z() << "\n";
+  for (const auto& [group, text] : faces) out << "g " << group << "\n" << text;
+}
+
+/// The spec with labels in place of boxes.
+std::string labelled_text() {
+  std::string text = replaced(spec_text(), "finger.stl", "finger.obj");
+  text = replaced(text, "base = { min_mm = [-40, -1, -40], max_mm = [40, 0.1, 40] }", "base = { label = \"foot\" }");
+  text = replaced(text, "front = { min_mm = [-40, -1, -40], max_mm = [40, 121, 0] }", "front = { label = \"skin\" }");
+  for (const char* plate : kPlateNames) {
+    const std::size_t from = text.find("box = { min_mm", text.find(std::string("[plates.") + plate));
+    text.replace(from, text.find("\n", from) - from, std::string("box = { label = \"plate_") + plate + "\" }");
+  }
+  return text;
+}
+
+}  // namespace
+
+TEST_CASE("surface finger: faces that have names in the file may be called by them in place of boxes") {
+  const test::ScratchFolder folder;
+  write_labelled_obj(folder / "finger.obj");
+  const TetMesh mesh = make_mesh(read_finger_spec(folder.write("finger.toml", labelled_text())), MeshSize::kCoarse);
+  const auto found = volumes_mm3(mesh), wanted = volumes_mm3(srm_mesh());
+  for (std::size_t region = 0; region < wanted.size(); ++region) {
+    CHECK(found[region] == doctest::Approx(wanted[region]).epsilon(1e-6));
+  }
+  CHECK(mesh.front_nodes.size() >= srm_mesh().front_nodes.size());
+  for (const int index : mesh.front_nodes) {
+    CHECK(std::abs(node(mesh, index).z() - srm().front_z.at(node(mesh, index).y())) < 1e-4);
+  }
+  CHECK(mesh.base_nodes.size() >= srm_mesh().base_nodes.size());
+  for (const int index : mesh.base_nodes) CHECK(std::abs(node(mesh, index).y()) < 1e-4);
+
+  const std::string wrong = replaced(labelled_text(), "\"plate_low\"", "\"plate_lower\"");
+  CHECK_THROWS_WITH_AS(read_finger_spec(folder.write("wrong.toml", wrong)),
+                       doctest::Contains("plates.low.box: found label \"plate_lower\", expected a name of faces in"),
+                       InputError);
+  CHECK_THROWS_WITH_AS(read_finger_spec(folder.path() / "wrong.toml"),
+                       doctest::Contains("(foot, plate_low, plate_middle, plate_top, rest, skin)"), InputError);
+  CHECK(refusal(replaced(spec_text(), "base = { min_mm = [-40, -1, -40], max_mm = [40, 0.1, 40] }",
+                         "base = { label = \"foot\" }"),
+                srm_surface())
+            .find("it has none: OBJ's groups") != std::string::npos);
+}
+
 TEST_CASE("surface finger: wrong units are told from the size, with what they may be") {
   TriangleSurface in_metres = srm_surface(), in_inches = srm_surface();
   for (Vector3d& at : in_metres.point_mm) at /= 1000;

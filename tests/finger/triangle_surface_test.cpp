@@ -54,6 +54,22 @@ TEST_CASE("triangle surface: a four-sided face becomes two triangles, groups bec
   CHECK(read.triangle.size() == 3);
   CHECK(read.twice_area(0).isApprox(Vector3d(0, 0, 1)));
   CHECK(read.twice_area(1).isApprox(Vector3d(0, 0, 1)));
+  CHECK(read.labelled.at("square") == std::vector<int>{0, 1, 2, 3});
+  CHECK(read.labelled.at("other").size() == 3);
+}
+
+TEST_CASE("triangle surface: the solids of an ASCII STL keep their names") {
+  const test::ScratchFolder folder;
+  std::ofstream file(folder / "two.stl");
+  for (const char* name : {"foot", "skin"}) {
+    file << "solid " << name << "\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+         << "endloop\nendfacet\nendsolid " << name << "\n";
+  }
+  file.close();
+  const TriangleSurface read = read_triangles(folder / "two.stl", 1);
+  CHECK(read.labelled.size() == 2);
+  CHECK(read.labelled.contains("foot"));
+  CHECK(read.labelled.contains("skin"));
 }
 
 TEST_CASE("triangle surface: files that hold no surface are refused by name and reason") {
