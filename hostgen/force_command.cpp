@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "firmware/input_error.h"
+#include "firmware/measured_mount.h"
 #include "firmware/ports/camera.h"
 #include "firmware/settings.h"
 #include "firmware/vision/vision_stages.h"
@@ -18,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  fs::path session, spec, pack, output;
+  fs::path session, spec, pack, mount, output;
   int every = 6;
 };
 
@@ -34,9 +35,12 @@ Frames estimate_poses(const Options& options, const Model& model) {
   if (info.marker_id != model.mount.marker_id) {
     throw InputError((options.session / kSessionInfo).string(), "marker ids are not those of " + options.pack.string());
   }
+  const MountModel mount =
+      options.mount.empty() ? model.mount
+                            : corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(options.mount)));
   const CameraModel lens = camera_of(info);
-  MarkerStage markers(model, lens);
-  PoseStage estimator(model, lens);
+  MarkerStage markers(mount, lens);
+  PoseStage estimator(mount, model.prior, lens);
   ReplaySettings replay;
   replay.path = options.session;
   replay.recorded_speed = false;
@@ -139,6 +143,8 @@ void add_force_command(CLI::App& app) {
       ->required();
   command->add_option("--spec", options->spec, "finger spec (TOML)")->required();
   command->add_option("--pack", options->pack, "model pack made of it")->required();
+  command->add_option("--mount", options->mount,
+                      "where camera and markers of this device are (TOML), by hostgen mount");
   command->add_option("-o,--output", options->output, "folder to write")->required();
   command->add_option("--every", options->every, "use one frame of so many")
       ->check(CLI::Range(1, 100000))
