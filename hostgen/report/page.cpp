@@ -26,10 +26,17 @@ std::string escaped(const std::string& text) {
   std::string out;
   for (const char c : text) {
     switch (c) {
-      case '&': out += "&amp;"; break;
-      case '<': out += "&lt;"; break;
-      case '>': out += "&gt;"; break;
-      default: out += c;
+      case '&':
+        out += "&amp;";
+        break;
+      case '<':
+        out += "&lt;";
+        break;
+      case '>':
+        out += "&gt;";
+        break;
+      default:
+        out += c;
     }
   }
   return out;
@@ -101,11 +108,13 @@ void add_table(const json& rows, std::vector<std::string> columns, std::ostrings
 }
 
 void add_speed_error(const json& rows, std::ostringstream& out) {
-  out << "<h2>Speed against error</h2>\n<p>Distance of every node to the converged shape of the same frame; one core.</p>\n"
+  out << "<h2>Speed against error</h2>\n<p>Distance of every node to the converged shape of the same frame; one "
+         "core.</p>\n"
          "<img src=\"speed_error.svg\" alt=\"microseconds per frame against worst distance\">\n";
-  add_table(rows,
-            {"tier", "mesh_tets", "factorisations", "chords", "scalar", "motion", "us_per_frame", "worst_mm", "mean_mm"},
-            out);
+  add_table(
+      rows,
+      {"tier", "mesh_tets", "factorisations", "chords", "scalar", "motion", "us_per_frame", "worst_mm", "mean_mm"},
+      out);
 }
 
 }  // namespace
@@ -137,18 +146,19 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
             out);
   add_section(all, "fem", "Finite-element truth", out);
   out << "<p>The same loads solved by CalculiX: largest distance of a node's place in both.</p>\n";
-  add_table(all["fem"].value("calculix", json()), {"element", "tets", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"},
-            out);
+  add_table(all["fem"].value("calculix", json()),
+            {"element", "tets", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"}, out);
   out << "<p>Locking: way of the touched point (0, 70) under 0.5 N.</p>\n";
   add_table(all["fem"].value("locking", json()), {"mesh", "tets", "C3D4_mm", "C3D10_mm", "C3D10_over_C3D4"}, out);
   add_section(all, "real", "Real recordings", out);
   out << "<img src=\"recordings.svg\" alt=\"contact points, rotations and motions of the recordings\">\n";
   add_section(all, "force", "Contact forces", out);
-  out << "<p>From plate motions with the spec's noise. front_mm: mean distance of the front face's nodes from the truth. "
+  out << "<p>From plate motions with the spec's noise. front_mm: mean distance of the front face's nodes from the "
+         "truth. "
          "reach_mm: how far away the least certain contact could as well be (95 %).</p>\n";
   add_table(all["force"].value("cases", json()),
-            {"touch", "force_n", "contacts", "front_mm", "force_error_n", "reach_mm", "truth_within_doubt", "gauss_newton_s",
-             "lbfgs_s", "lbfgs_front_mm", "lbfgs_force_n"},
+            {"touch", "force_n", "contacts", "front_mm", "force_error_n", "reach_mm", "truth_within_doubt",
+             "gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "lbfgs_force_n"},
             out);
   out << "<img src=\"contact_forces.svg\" alt=\"objective against time, Gauss-Newton and L-BFGS\">\n";
   add_section(all, "vision", "Pixels to registers", out);
@@ -159,10 +169,16 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
                "coverage_95"},
               out);
   }
+  out << "<p>Ways from the same corners to plates; estimate_us: processor time of that step alone.</p>\n";
+  add_table(all["vision"].value("methods", json()),
+            {"preset", "method", "touch_mm_2_to_4", "touch_mm_above_4", "touch_mm_above_7", "false_valid",
+             "flips_per_1000", "coverage_68", "coverage_95", "estimate_us_p50", "estimate_us_p99"},
+            out);
   out << "<p>The paper's four paths in pictures of preset lab.</p>\n";
   add_table(all["vision"].value("paths", json()), {"path", "touches", "touch_mm", "touch_95_mm"}, out);
   out << "<img src=\"paths.svg\" alt=\"touched points found, over the true paths\">\n";
-  out << "<p>Corners in rendered 1280x720 pictures, pixels: bias away from the marker's centre, RMS per coordinate. edges: "
+  out << "<p>Corners in rendered 1280x720 pictures, pixels: bias away from the marker's centre, RMS per coordinate. "
+         "edges: "
          "what the firmware does; sub_pix: OpenCV's cornerSubPix. All but the named number as in preset lab.</p>\n";
   add_table(all["vision"].value("corners", json()),
             {"varied", "value", "corners", "markers_lost", "edges_bias_px", "edges_rms_px", "sub_pix_bias_px",
