@@ -77,7 +77,7 @@ std::vector<float> self_test_poses(const FemDataset& dataset) {
   std::vector<float> numbers(18, 0.0F);
   std::vector<const FemState*> valid;
   for (const FemState& state : dataset.states) {
-    if (state.valid) valid.push_back(&state);
+    if (state.valid()) valid.push_back(&state);
   }
   for (std::size_t c = 1; c < kCases; ++c) {
     for (const PlateMotion& plate : valid[(valid.size() - 1) * c / (kCases - 1)]->plates) {
@@ -142,6 +142,13 @@ void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
   }
   parts.contact_map = fit_contact_map(parts.spec, dataset, seed + 1);
   std::printf("contact map: rank %d\n", parts.contact_map.rank);
+  const std::size_t states = dataset.count(Outcome::kEquilibrium);
+  if (states < ShapeMapModel::kFeatures) {
+    std::printf(
+        "warning: contact map: %zu states are fewer than the %d features of its regression; tier \"contact\" may be "
+        "worse than \"map\" where none is near. More --points help\n",
+        states, ShapeMapModel::kFeatures);
+  }
 }
 
 double seconds_since(std::chrono::steady_clock::time_point start) {

@@ -57,10 +57,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     }
     const FingerSpec spec = read_finger_spec(options.spec);
     const FemDataset dataset = read_dataset(options.dataset);
-    if (dataset.spec_sha256 != spec.sha256 || dataset.mesh_nodes != static_cast<std::size_t>(model.shape.nodes)) {
-      throw InputError(options.dataset.string(),
-                       "holds states of another finger or mesh than " + options.spec.string());
-    }
+    check_complete(dataset, spec, make_mesh(spec), options.dataset);
     return measure_touch(built["touch"], model, &spec, &dataset, options.folder, options.quick);
   }
   return {{area, built[area]}};

@@ -16,8 +16,7 @@ std::int32_t nearest_front_node(const TetMesh& mesh, const Vec3f& point_mm) {
   double nearest_sq = std::numeric_limits<double>::max();
   for (const int node : mesh.front_nodes) {
     const auto& at = mesh.node_mm[static_cast<std::size_t>(node)];
-    const double distance_sq =
-        (Eigen::Map<const Eigen::Vector3d>(at.data()) - point_mm.cast<double>()).squaredNorm();
+    const double distance_sq = (Eigen::Map<const Eigen::Vector3d>(at.data()) - point_mm.cast<double>()).squaredNorm();
     if (distance_sq < nearest_sq) {
       nearest_sq = distance_sq;
       nearest = node;
@@ -36,8 +35,8 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
           .mesh_sha256 = mesh_sha256(mesh)};
 }
 
-// A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last state
-// that was found; so do the higher forces of its path, which are not tried.
+// A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
+// state that was found; so do the higher forces of its path, which are not tried.
 void walk_path(FingerStatics& statics, const TetMesh& mesh, const Vec3f& point_mm, std::int32_t index,
                const std::array<double, 2>& range_n, FemDataset& path) {
   statics.reset();
@@ -46,13 +45,12 @@ void walk_path(FingerStatics& statics, const TetMesh& mesh, const Vec3f& point_m
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
     if (outcome == Outcome::kEquilibrium && !statics.load(point_mm, force_n)) outcome = Outcome::kNoEquilibrium;
     FemState state = statics.state();
-    if (outcome == Outcome::kEquilibrium && !state.valid) outcome = Outcome::kPushedTooFar;
+    if (outcome == Outcome::kEquilibrium) outcome = state.outcome;
     state.path = index;
     state.front_node = nearest_front_node(mesh, point_mm);
     state.point_mm = point_mm;
     state.force_n = static_cast<float>(force_n);
     state.outcome = outcome;
-    state.valid = outcome == Outcome::kEquilibrium;
     path.states.push_back(state);
     const std::vector<double> displacement = statics.node_displacement_mm();
     path.node_displacement_mm.insert(path.node_displacement_mm.end(), displacement.begin(), displacement.end());
@@ -68,8 +66,8 @@ std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t
 }  // namespace
 
 std::size_t FemDataset::count(Outcome outcome) const {
-  return static_cast<std::size_t>(std::count_if(states.begin(), states.end(),
-                                                [=](const FemState& state) { return state.outcome == outcome; }));
+  return static_cast<std::size_t>(
+      std::count_if(states.begin(), states.end(), [=](const FemState& state) { return state.outcome == outcome; }));
 }
 
 FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan, const Shard& shard,

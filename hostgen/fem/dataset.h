@@ -19,15 +19,15 @@ enum class Outcome : std::uint8_t {
 
 /// One equilibrium: the finger touched at one point with one force.
 struct FemState {
-  std::int32_t path = 0;       ///< index of the touched point; the group key for honest splits
-  std::int32_t front_node = 0; ///< mesh node nearest to the touched point
-  float force_n = 0;           ///< along the inward normal of the undeformed front face
+  std::int32_t path = 0;             ///< index of the touched point; the group key for honest splits
+  std::int32_t front_node = 0;       ///< mesh node nearest to the touched point
+  float force_n = 0;                 ///< along the inward normal of the undeformed front face
   Vec3f point_mm = Vec3f::Zero();    ///< touched point at rest
   Vec3f contact_mm = Vec3f::Zero();  ///< and where it is now
   std::array<PlateMotion, kPlates> plates;
-  float front_rms_mm = 0;      ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
-  bool valid = true;           ///< an equilibrium within the limit
-  Outcome outcome = Outcome::kEquilibrium;  ///< why not; higher forces of the path are not tried and carry it too
+  float front_rms_mm = 0;  ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
+  Outcome outcome = Outcome::kEquilibrium;  ///< if it is none, higher forces of the path are not tried and carry it too
+  bool valid() const { return outcome == Outcome::kEquilibrium; }
 };
 
 /// Which loads make a set, and on which mesh. Sets of the same plan are parts of one and can be merged.
@@ -39,7 +39,7 @@ struct DatasetPlan {
 /// States of some or all paths of a plan.
 struct FemDataset {
   std::string spec_sha256;
-  std::vector<FemState> states;          ///< ordered by path, then by force
+  std::vector<FemState> states;             ///< ordered by path, then by force
   std::vector<float> node_displacement_mm;  ///< [states][3 * mesh nodes]: displacement of every (corner) mesh node
   std::size_t mesh_nodes = 0;
   DatasetPlan plan = {};
@@ -55,9 +55,9 @@ struct Shard {
 };
 
 /// Walks the load paths of a shard on all cores, with progress. Deterministic whatever the number of cores or shards.
-/// Every finished path is kept as a file in the folder `resume` (made if needed; empty name: nothing is kept), and taken
-/// from there when it is asked for again: an interrupted run goes on where it was. Files of another spec, mesh or plan
-/// are refused with an InputError.
+/// Every finished path is kept as a file in the folder `resume` (made if needed; empty name: nothing is kept), and
+/// taken from there when it is asked for again: an interrupted run goes on where it was. Files of another spec, mesh or
+/// plan are refused with an InputError.
 FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan, const Shard& shard = {},
                         const std::filesystem::path& resume = {});
 

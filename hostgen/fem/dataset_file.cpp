@@ -29,7 +29,8 @@ void check_all_paths(const FemDataset& dataset, const std::string& name) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(dataset.plan.points) * forces; ++i) {
     const int path = static_cast<int>(i / forces);
     if (i >= dataset.states.size() || dataset.states[i].path != path) {
-      throw InputError(name, "path " + std::to_string(path) + " of " + std::to_string(dataset.plan.points) + " is missing");
+      throw InputError(name,
+                       "path " + std::to_string(path) + " of " + std::to_string(dataset.plan.points) + " is missing");
     }
   }
 }
@@ -51,22 +52,24 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
       append(plate.rotation_rad);
     }
     labels.insert(labels.end(), {state.path, state.front_node});
-    valid.push_back(state.valid);
+    valid.push_back(state.valid());
     outcome.push_back(static_cast<std::uint8_t>(state.outcome));
   }
   TensorFile out;
-  out.metadata = {{"finsight_dataset", kFormat},
-                  {"spec_sha256", dataset.spec_sha256},
-                  {"mesh_sha256", dataset.mesh_sha256},
-                  {"points", std::to_string(dataset.plan.points)},
-                  {"forces", std::to_string(dataset.plan.forces)},
-                  {"outcomes", "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling)"},
-                  {"columns", "force_n, point_mm xyz, contact_mm xyz, top/middle/low displacement_mm xyz rotation_rad xyz"}};
+  out.metadata = {
+      {"finsight_dataset", kFormat},
+      {"spec_sha256", dataset.spec_sha256},
+      {"mesh_sha256", dataset.mesh_sha256},
+      {"points", std::to_string(dataset.plan.points)},
+      {"forces", std::to_string(dataset.plan.forces)},
+      {"outcomes", "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling)"},
+      {"columns", "force_n, point_mm xyz, contact_mm xyz, top/middle/low displacement_mm xyz rotation_rad xyz"}};
   out.add("states", {count, kStateNumbers}, numbers);
   out.add("path_and_front_node", {count, 2}, labels);
   out.add("valid", {count}, valid);
   out.add("outcome", {count}, outcome);
-  out.add("node_displacement_mm", {count, static_cast<std::int64_t>(dataset.mesh_nodes), 3}, dataset.node_displacement_mm);
+  out.add("node_displacement_mm", {count, static_cast<std::int64_t>(dataset.mesh_nodes), 3},
+          dataset.node_displacement_mm);
   out.write(file);
 }
 
@@ -99,7 +102,6 @@ FemDataset read_dataset(const std::filesystem::path& file) {
                    .point_mm = Eigen::Map<const Vec3f>(row + 1),
                    .contact_mm = Eigen::Map<const Vec3f>(row + 4),
                    .plates = {},
-                   .valid = outcome[i] == 0,
                    .outcome = static_cast<Outcome>(outcome[i])};
     for (std::size_t p = 0; p < kPlates; ++p) {
       state.plates[p] = {Eigen::Map<const Vec3f>(row + 7 + 6 * p), Eigen::Map<const Vec3f>(row + 10 + 6 * p)};
@@ -159,7 +161,8 @@ FemDataset merge_datasets(const std::vector<std::filesystem::path>& files) {
     const auto from = static_cast<std::ptrdiff_t>(place.state), count = static_cast<std::ptrdiff_t>(shard.plan.forces);
     const auto size = static_cast<std::ptrdiff_t>(3 * shard.mesh_nodes);
     whole.states.insert(whole.states.end(), shard.states.begin() + from, shard.states.begin() + from + count);
-    whole.node_displacement_mm.insert(whole.node_displacement_mm.end(), shard.node_displacement_mm.begin() + from * size,
+    whole.node_displacement_mm.insert(whole.node_displacement_mm.end(),
+                                      shard.node_displacement_mm.begin() + from * size,
                                       shard.node_displacement_mm.begin() + (from + count) * size);
   }
   check_all_paths(whole, files.size() == 1 ? files.front().string() : std::to_string(files.size()) + " shards");

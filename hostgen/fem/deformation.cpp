@@ -16,7 +16,7 @@ DeformationRise measure_deformation_rise(const FemDataset& dataset, std::span<co
   std::map<std::int32_t, std::map<float, std::size_t>> paths;  // valid states by force
   for (std::size_t i = 0; i < dataset.states.size(); ++i) {
     const FemState& state = dataset.states[i];
-    if (state.valid) paths[state.path][state.force_n] = i;
+    if (state.valid()) paths[state.path][state.force_n] = i;
   }
   DeformationRise rise{.contact_points = paths.size()};
   for (const auto& [path, states] : paths) {

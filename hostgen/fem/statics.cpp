@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-
 namespace finsight::host {
 namespace {
 
@@ -233,7 +232,7 @@ FemState FingerStatics::state() const {
   const Eigen::Vector3d push = solver_->displacement(solver_->place);
   state.point_mm = solver_->place.at_mm.cast<float>();
   state.contact_mm = (solver_->place.at_mm + push).cast<float>();
-  state.valid = push.norm() <= kLongestPush_mm;
+  if (push.norm() > kLongestPush_mm) state.outcome = Outcome::kPushedTooFar;
   for (std::size_t p = 0; p < kPlates; ++p) {
     std::vector<Eigen::Vector3d> rest, now;
     for (const int node : setup.mesh.plate_nodes[p]) {

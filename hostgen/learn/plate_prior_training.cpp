@@ -23,7 +23,7 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
   Eigen::Matrix<double, 18, 18> squares = Eigen::Matrix<double, 18, 18>::Zero();
   double count = 0;
   for (const FemState& state : dataset.states) {
-    if (!state.valid) continue;
+    if (!state.valid()) continue;
     const Eigen::Matrix<double, 18, 1> numbers = touch_sample(state).numbers.cast<double>();
     for (const double fraction : kFractions) {
       sum += fraction * numbers;

@@ -33,7 +33,7 @@ FemDataset subset(const FemDataset& dataset, const std::vector<std::size_t>& sta
 std::vector<std::size_t> valid_of(const FemDataset& dataset, const std::vector<std::size_t>& states) {
   std::vector<std::size_t> valid;
   for (const std::size_t i : states) {
-    if (dataset.states[i].valid) valid.push_back(i);
+    if (dataset.states[i].valid()) valid.push_back(i);
   }
   return valid;
 }
@@ -159,7 +159,7 @@ FemDataset unseen_states(const FingerSpec& spec, const TetMesh& mesh, const FemD
   };
   std::vector<std::size_t> states;
   for (std::size_t i = 0; i < all.states.size(); ++i) {
-    if (all.states[i].valid && is_new(i)) states.push_back(i);
+    if (all.states[i].valid() && is_new(i)) states.push_back(i);
   }
   if (states.empty()) throw std::runtime_error("training set: holds all points that a test would take");
   return subset(all, states);

@@ -37,7 +37,7 @@ std::vector<PoseSample> pose_samples(const FingerSpec& spec, const FemDataset& d
   std::vector<PoseSample> samples;
   Random random(seed);
   for (std::size_t i = 0; i < dataset.states.size(); ++i) {
-    if (!dataset.states[i].valid) continue;
+    if (!dataset.states[i].valid()) continue;
     for (int copy = 0; copy <= noisy_copies; ++copy) {
       samples.push_back({touch_sample(dataset.states[i]).numbers, i, copy > 0});
       if (copy > 0) add_noise(spec.noise, random, samples.back().numbers);

@@ -37,7 +37,7 @@ StateInterpolant::StateInterpolant(const std::vector<FemState>& states) {
   std::map<float, std::vector<const FemState*>> by_force;
   std::map<std::int32_t, std::array<double, 3>> highest;
   for (const FemState& state : states) {
-    if (!state.valid || !(state.force_n > 0)) continue;
+    if (!state.valid() || !(state.force_n > 0)) continue;
     by_force[state.force_n].push_back(&state);
     auto& path = highest[state.path];
     path = {state.point_mm.x(), state.point_mm.y(), std::max<double>(path[2], state.force_n)};

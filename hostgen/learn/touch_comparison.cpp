@@ -121,7 +121,7 @@ struct States {
 States states_of(const FingerSpec& spec, const FemDataset& dataset, std::uint64_t seed) {
   std::vector<const FemState*> valid;
   for (const FemState& state : dataset.states) {
-    if (state.valid && state.force_n > 0) valid.push_back(&state);
+    if (state.valid() && state.force_n > 0) valid.push_back(&state);
   }
   if (valid.size() < kFewestStates)
     throw std::runtime_error("training set: fewer than 50 valid states; nothing to compare on");

@@ -54,7 +54,7 @@ std::string line(const char* name, const TouchScore& score) {
 std::vector<FemState> valid_states(const FemDataset& dataset) {
   std::vector<FemState> states;
   for (const FemState& state : dataset.states) {
-    if (state.valid && state.force_n > 0) states.push_back(state);
+    if (state.valid() && state.force_n > 0) states.push_back(state);
   }
   std::stable_sort(states.begin(), states.end(), [](const FemState& a, const FemState& b) { return a.path < b.path; });
   return states;

@@ -44,8 +44,8 @@ TEST_CASE("deformation: points where a higher force deforms less are counted, wi
 
 TEST_CASE("deformation: the order of the states does not matter, and those that are not valid do not count") {
   FemDataset dataset = states_of({{0, {1, 2, 3, 0.5F}}, {1, {1}}});
-  dataset.states[3].valid = false;
-  dataset.states[4].valid = false;
+  dataset.states[3].outcome = Outcome::kPushedTooFar;
+  dataset.states[4].outcome = Outcome::kPushedTooFar;
   std::swap(dataset.states[0], dataset.states[2]);
   for (std::size_t i = 0; i < 9; ++i) std::swap(dataset.node_displacement_mm[i], dataset.node_displacement_mm[18 + i]);
   const DeformationRise rise = measure_deformation_rise(dataset, kFront);

@@ -66,7 +66,7 @@ TEST_CASE("plate prior: invalid states are ignored, and none at all is refused")
   FemDataset dataset = test::synthetic_dataset();
   const PlatePriorData expected = fit_plate_prior(dataset, test::synthetic_spec().noise);
   FemState broken = dataset.states[0];
-  broken.valid = false;
+  broken.outcome = Outcome::kPushedTooFar;
   broken.plates[1].rotation_rad.setConstant(1e9f);
   dataset.states.push_back(broken);
   CHECK(fit_plate_prior(dataset, test::synthetic_spec().noise).covariance == expected.covariance);

@@ -73,7 +73,7 @@ TEST_CASE("shape at touch: unseen states are valid ones of points that are not i
   REQUIRE(!unseen.states.empty());
   CHECK(unseen.node_displacement_mm.size() == unseen.states.size() * 3 * unseen.mesh_nodes);
   for (const FemState& state : unseen.states) {
-    CHECK(state.valid);
+    CHECK(state.valid());
     for (const FemState& known : finger().dataset.states) CHECK((known.point_mm - state.point_mm).norm() >= 1);
   }
   const FemDataset all = make_dataset(finger().spec, finger().mesh, {.points = 2, .forces = 1});

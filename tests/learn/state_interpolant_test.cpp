@@ -74,7 +74,7 @@ TEST_CASE("state interpolant: invalid states are not used, and a path that ends 
   const Vec3f place = dataset.states[32 * 5].point_mm;
   for (FemState& state : dataset.states) {
     if (state.path != 32 || state.force_n < 3) continue;
-    state.valid = false;
+    state.outcome = Outcome::kPushedTooFar;
     state.plates[0].displacement_mm.setConstant(NAN);
   }
   const StateInterpolant interpolant(dataset.states);
@@ -91,8 +91,7 @@ TEST_CASE("state interpolant: two paths at one contact point do no harm") {
     dataset.states.back().path = 99;
   }
   const FemState& state = dataset.states[1];
-  const TouchSample found =
-      StateInterpolant(dataset.states).at(state.point_mm.x(), state.point_mm.y(), state.force_n);
+  const TouchSample found = StateInterpolant(dataset.states).at(state.point_mm.x(), state.point_mm.y(), state.force_n);
   CHECK((found.numbers - touch_sample(state).numbers).norm() < 1e-2f);
 }
 

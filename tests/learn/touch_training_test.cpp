@@ -143,6 +143,6 @@ TEST_CASE("touch training: same seed, same bytes") {
 
 TEST_CASE("touch training: a training set without valid states is refused") {
   FemDataset dataset = test::synthetic_dataset();
-  for (FemState& state : dataset.states) state.valid = false;
+  for (FemState& state : dataset.states) state.outcome = Outcome::kPushedTooFar;
   CHECK_THROWS_AS(train_touch(test::synthetic_spec(), dataset, prior(), {}), std::runtime_error);
 }
