@@ -10,6 +10,7 @@ import json
 import math
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 import threading
@@ -28,6 +29,7 @@ finsightctl = SourceFileLoader("finsightctl", str(Path(__file__).resolve().paren
 RATE_HZ, FRAMES_PER_S = 50, 60
 RECONNECT_S = 3
 HELD, ANY_FAULT = 1 << 4, 1 << 15
+SILENT_S = 0.5  # without a new heartbeat
 STALE_MS = 305  # a result older than this must not look fresh: hold time and the longest wait for a frame
 
 
@@ -38,7 +40,7 @@ class Client(threading.Thread):
         super().__init__(daemon=True)
         self.number, self.port, self.until = number, port, until
         self.reads, self.connections, self.problems = 0, 0, []
-        self.latency_ms, self.gap_frames = [], 0
+        self.latency_ms, self.silences = [], []
 
     def run(self):
         last = None
@@ -68,22 +70,51 @@ class Client(threading.Thread):
                 self.problems.append(f"client {self.number}: {age_ms:.0f} ms old and shown as fresh")
         if last:
             heartbeats = (words[2] - last[0]) % 65536
-            silent_s = now - last[1] - (stolen_s() - last[2])
-            if heartbeats == 0 and silent_s > 0.5:
-                self.problems.append(f"client {self.number}: no heartbeat for {silent_s:.1f} s")
+            if heartbeats != 0 and now - last[1] > SILENT_S:
+                self.silences.append((last[1], now))
             if heartbeats > 32768:
                 self.problems.append(f"client {self.number}: the heartbeat went back")
             if heartbeats == 0:
                 return last
-        return words[2], now, stolen_s()
+        return words[2], now
 
 
-def stolen_s():
-    """CPU seconds that this virtual machine's host gave to others; 0 on a real machine. Nothing can beat meanwhile."""
-    for line in Path("/proc/stat").read_text().splitlines():
-        if line.startswith("cpu "):
-            return int(line.split()[8]) / os.sysconf("SC_CLK_TCK")
-    return 0
+class Stalls:
+    """When this machine ran nothing: on each processor a process that only sleeps notes when it was not woken. A busy or a
+    virtual machine stalls like that; what stands still then is not finsightd's fault."""
+
+    SLEEPER = ("import os, sys, time\nos.sched_setaffinity(0, {int(sys.argv[1])})\nnow = time.monotonic()\nwhile True:\n"
+               "    before, _, now = now, time.sleep(0.01), time.monotonic()\n"
+               "    if now - before > 0.03: print(before, now, flush=True)\n")
+
+    def __init__(self):
+        self.sleepers = [subprocess.Popen([sys.executable, "-c", self.SLEEPER, str(cpu)], stdout=subprocess.PIPE, text=True)
+                         for cpu in os.sched_getaffinity(0)]
+        self.times = []
+        self.readers = [threading.Thread(target=self.read, args=(s.stdout,), daemon=True) for s in self.sleepers]
+        for reader in self.readers:
+            reader.start()
+
+    def read(self, lines):
+        for line in lines:
+            self.times.append(tuple(map(float, line.split())))
+
+    def end(self):
+        for sleeper in self.sleepers:
+            sleeper.kill()
+            sleeper.wait()
+        for reader in self.readers:
+            reader.join(5)
+        self.times.sort()
+
+    def within_s(self, begin, end):
+        """Seconds of the span in which some processor stood still."""
+        total, reached = 0, begin
+        for start, stop in self.times:
+            start, stop = max(start, reached), min(stop, end)
+            if stop > start:
+                total, reached = total + stop - start, stop
+        return total
 
 
 def memory_kb(pid):
@@ -122,7 +153,7 @@ def main():
         until = time.monotonic() + arguments.seconds
         clients = [Client(n, firmware.port, until) for n in range(arguments.clients)]
         first_frames = reader.read(32, 3)
-        stolen_before_s = stolen_s()
+        stalls = Stalls()
         for client in clients:
             client.start()
         time.sleep(min(5, arguments.seconds / 4))  # everything has been used once
@@ -134,18 +165,24 @@ def main():
                       f"{memory_kb(firmware.process.pid)} kB", flush=True)
         for client in clients:
             client.join(10)
+        stalls.end()
         after_kb = memory_kb(firmware.process.pid)
         last_frames = finsightctl.Device("127.0.0.1", firmware.port).read(32, 3)  # the first one was silent for too long
     frames = ((last_frames[0] << 16 | last_frames[1]) - (first_frames[0] << 16 | first_frames[1])) % 2**32
     latency = sorted(value for client in clients for value in client.latency_ms)
     problems = [problem for client in clients for problem in client.problems]
+    silences = [(end - begin, stalls.within_s(begin, end)) for client in clients for begin, end in client.silences]
+    problems += [f"no heartbeat for {silent_s:.2f} s, of which the machine stood still for {still_s:.2f} s"
+                 for silent_s, still_s in silences if silent_s - still_s > SILENT_S]
     figures = {
         "seconds": arguments.seconds, "clients": arguments.clients, "reads": sum(c.reads for c in clients),
         "connections": sum(c.connections for c in clients), "camera_frames": frames,
         "dropped_frames": last_frames[2] - first_frames[2],
         "exposure_to_answer_ms": {f"p{int(share * 1000) / 10:g}": round(percentile(latency, share), 2)
                                   for share in (0.5, 0.9, 0.99, 0.999)},
-        "stolen_s": round(stolen_s() - stolen_before_s, 1), "memory_kb_before": before_kb, "memory_kb_after": after_kb,
+        "machine_stood_still_s": round(stalls.within_s(0, math.inf), 1),
+        "longest_stall_s": round(max((stop - start for start, stop in stalls.times), default=0), 2),
+        "longest_silence_s": round(max((silent_s for silent_s, _ in silences), default=0), 2), "memory_kb_before": before_kb, "memory_kb_after": after_kb,
     }
     if after_kb - before_kb > 1024:
         problems.append(f"memory grew from {before_kb} to {after_kb} kB")
