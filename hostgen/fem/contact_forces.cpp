@@ -26,11 +26,11 @@ constexpr Index kMostDirections = 16;  // the other two, in which a finger hardl
 constexpr int kMostFactors = 10, kMostChords = 12;  // of one estimate; with one factor
 constexpr double kChordsPerFactor = 6;              // that take as long. Measured on the default finger: 50 and 8 ms.
 constexpr double kFirstRate = 0.06;                 // by which a new factor's second step is shorter than its first
-constexpr double kFar_mm = 0.4;      // a step this far bends slender walls so that chords after it would lead astray
-constexpr double kStill_mm = 5e-3;   // no node is further from where the steps lead to
-constexpr int kChoices = 3;          // how often convergence may end with other contacts than before
-constexpr double kFarCaution = 100;  // of the first step: as if the noise were ten times itself
-constexpr double kSmallestJ = 0.05;  // volume ratio below which an element is as good as inverted
+constexpr double kFar_mm = 0.4;       // a step this far bends slender walls so that chords after it would lead astray
+constexpr double kStill_mm = 5e-3;    // no node is further from where the steps lead to
+constexpr int kChoices = 3;           // how often convergence may end with other contacts than before
+constexpr double kMostCaution = 100;  // of the first step: as if the noise were ten times itself
+constexpr double kSmallestJ = 0.05;   // volume ratio below which an element is as good as inverted
 constexpr int kHalvings = 6;
 
 double largest(const BodyVector& v) {
@@ -131,9 +131,14 @@ bool ContactForceSolver::Problem::chord(const ContactChoice& choice) {
   return false;
 }
 
+/// How much more a contact must explain than noise would, where `objective` is what the start leaves: it is not more
+/// exact than that.
+double caution(double objective) { return std::clamp(2 * objective / kNumbers, 1.0, kMostCaution); }
+
 // From the present state. Chords follow a factor as long as that takes less time than a new one. Contacts are chosen
 // when the steps start and, the steps having become still, again, until their number stays; between, they only move.
-// Far from the answer, what is left is not noise but bent by the step's length: there only strong contacts are chosen.
+// Far from the answer, what is left is not noise but bent by the step's length: there only strong contacts are chosen,
+// the stronger the more is left.
 bool ContactForceSolver::Problem::iterate(ContactChoice& choice, VectorXd& aim, const ProcessorTime& time,
                                           ContactForces& result) {
   finger.body.forces(state.u, force);
@@ -154,7 +159,7 @@ bool ContactForceSolver::Problem::iterate(ContactChoice& choice, VectorXd& aim, 
     for (int chords = 0; chords < kMostChords; ++chords) {
       aim = goal();
       if (factors == 0 && chords == 0)
-        choice = fewest_contacts(response, aim, choice, kFarCaution);
+        choice = fewest_contacts(response, aim, choice, caution(result.curve.back().objective));
       else
         choice = refined_contacts(response, aim, choice);
       if (!chord(choice)) return false;

@@ -45,7 +45,8 @@ struct ElasticBody::Batch {
   std::int32_t block[kPairs][kLanes];  ///< -1: a fixed node takes part
 
   void set_lane(std::size_t lane, const QuadraticMesh& mesh, std::size_t t, const NeoHookean& material,
-                const std::vector<int>& unknown_of_node, const std::vector<int>& position, const CholeskyPlanData& plan);
+                const std::vector<int>& unknown_of_node, const std::vector<int>& position,
+                const CholeskyPlanData& plan);
   void gather(std::span<const double> u, Pack (&values)[kTetNodes][3]) const;
   void scatter(const Pack (&values)[kTetNodes][3], std::span<double> sums) const;
   void scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<float> blocks) const;
@@ -53,9 +54,9 @@ struct ElasticBody::Batch {
   void deform(const Pack (&u)[kTetNodes][3], std::size_t g, NeoHookeanState<Pack>& state) const;
 };
 
-void ElasticBody::Batch::set_lane(std::size_t lane, const QuadraticMesh& mesh, std::size_t t, const NeoHookean& material,
-                                  const std::vector<int>& unknown_of_node, const std::vector<int>& position,
-                                  const CholeskyPlanData& plan) {
+void ElasticBody::Batch::set_lane(std::size_t lane, const QuadraticMesh& mesh, std::size_t t,
+                                  const NeoHookean& material, const std::vector<int>& unknown_of_node,
+                                  const std::vector<int>& position, const CholeskyPlanData& plan) {
   const auto& tet = mesh.tets[t];
   std::array<int, kTetNodes> unknown;
   for (std::size_t a = 0; a < kTetNodes; ++a) unknown[a] = unknown_of_node[static_cast<std::size_t>(tet[a])];
@@ -134,7 +135,8 @@ ElasticBody::ElasticBody(const QuadraticMesh& mesh, const std::vector<NeoHookean
   plan_ = plan_cholesky(neighbours_of_free_nodes(mesh));
 
   std::vector<int> position(static_cast<std::size_t>(plan_.blocks) + 1, plan_.blocks);  // of the fixed nodes: last
-  for (int p = 0; p < plan_.blocks; ++p) position[static_cast<std::size_t>(plan_.order[static_cast<std::size_t>(p)])] = p;
+  for (int p = 0; p < plan_.blocks; ++p)
+    position[static_cast<std::size_t>(plan_.order[static_cast<std::size_t>(p)])] = p;
 
   // Tets in the order in which elimination reaches them: neighbours in a batch write to neighbours in memory.
   std::vector<int> first_position(mesh.tets.size(), plan_.blocks);
@@ -250,7 +252,8 @@ void ElasticBody::tangent(std::span<const double> u, std::span<const double> str
         Node& n = node[a][gauss];
         for (std::size_t i = 0; i < 3; ++i) {
           n.g[i] = g[i];
-          n.Sg[i] = batch.weight * (S[kSymmetric[i][0]] * g[0] + S[kSymmetric[i][1]] * g[1] + S[kSymmetric[i][2]] * g[2]);
+          n.Sg[i] =
+              batch.weight * (S[kSymmetric[i][0]] * g[0] + S[kSymmetric[i][1]] * g[1] + S[kSymmetric[i][2]] * g[2]);
           n.h[i] = state.inverse[0][i] * g[0] + state.inverse[1][i] * g[1] + state.inverse[2][i] * g[2];
           n.bh[i] = b * n.h[i];
           n.cross[i] = c * (state.F[i][0] * g[0] + state.F[i][1] * g[1] + state.F[i][2] * g[2]);
@@ -302,20 +305,21 @@ void ElasticBody::times_tangent(std::span<const double> u, std::span<const doubl
         t += A[i][i];
       }
       const Pack along = state.v() * t - (2.0 / 3) * state.c * F_D, with_F = (2.0 / 3) * state.c * t;
+      Pack M[3][3], dP[3][3];  // what F^-T is multiplied by
+      for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t j = 0; j < 3; ++j) M[i][j] = -state.b * (A[i][j] + A[j][i]);
+        M[i][i] += along;
+      }
+      for (std::size_t i = 0; i < 3; ++i) {
+        for (std::size_t j = 0; j < 3; ++j) {
+          Pack sum = -with_F * state.F[i][j];
+          for (std::size_t k = 0; k < 3; ++k) sum += D[i][k] * S[kSymmetric[k][j]] + M[i][k] * state.inverse[j][k];
+          dP[i][j] = batch.weight * sum;
+        }
+      }
       for (std::size_t a = 0; a < kTetNodes; ++a) {
         const Pack* const g = batch.gradient[gauss][a];
-        Pack Sg[3], h[3];
-        for (std::size_t i = 0; i < 3; ++i) {
-          Sg[i] = S[kSymmetric[i][0]] * g[0] + S[kSymmetric[i][1]] * g[1] + S[kSymmetric[i][2]] * g[2];
-          h[i] = state.inverse[0][i] * g[0] + state.inverse[1][i] * g[1] + state.inverse[2][i] * g[2];
-        }
-        for (std::size_t i = 0; i < 3; ++i) {
-          Pack sum = along * h[i];
-          for (std::size_t j = 0; j < 3; ++j) {
-            sum += D[i][j] * Sg[j] - with_F * state.F[i][j] * g[j] - state.b * (A[i][j] + A[j][i]) * h[j];
-          }
-          out[a][i] += batch.weight * sum;
-        }
+        for (std::size_t i = 0; i < 3; ++i) out[a][i] += dP[i][0] * g[0] + dP[i][1] * g[1] + dP[i][2] * g[2];
       }
     }
     batch.scatter(out, product);
