@@ -10,6 +10,7 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camer
     : model_(model),
       shape_(model, settings.shape),
       touch_(model),
+      zeroing_(model.touch.threshold_mm),
       mount_check_(model.mount),
       filter_(settings.smoothing_ms) {
   const MountModel mount = settings.mount ? corrected_mount(model.mount, *settings.mount) : model.mount;
@@ -23,14 +24,14 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
   const std::int64_t start_ns = steady_now_ns();
   count_frame(frame);
   measured_ = measure_poses(frame);
-  zeroing_.process(measured_);
+  if (zeroing_.process(measured_)) mount_check_.begin_anew();
   camera_moved_ = mount_check_.look(measured_);
   filter_.process(measured_, frame.exposure_ns);
   const PlatePoses& poses = hold_poses(measured_, frame.exposure_ns);
   const std::int64_t poses_ns = steady_now_ns();
   const FingerShape& shape = shape_.solve(poses);
   const std::int64_t shape_ns = steady_now_ns();
-  const Touch& touch = touch_.locate(poses);
+  const Touch& touch = camera_moved_ ? no_touch_ : touch_.locate(poses);
   const std::int64_t touch_ns = steady_now_ns();
   const RegisterImage& registers = publish(poses, shape, touch);
   const std::int64_t end_ns = steady_now_ns();
@@ -46,6 +47,7 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
 const RegisterImage& FrameLoop::step_without_frame(std::int64_t now_ns) {
   state_.camera_fault = true;
   picture_fault_ = PictureFault::kNone;
+  zeroing_.give_up();
   const PlatePoses& poses = hold_poses(PlatePoses{}, now_ns);
   return publish(poses, shape_.solve(poses), touch_.locate(poses));
 }

@@ -65,6 +65,7 @@ class FrameLoop {
   std::optional<Vision> vision_;
   ShapeStage shape_;
   TouchStage touch_;
+  const Touch no_touch_{};  ///< what plates tell while the camera is not where it was
   Zeroing zeroing_;
   MountCheck mount_check_;
   PoseFilter filter_;

@@ -26,34 +26,37 @@ PlateMotion since(const PlateMotion& zero, const PlateMotion& now) {
 
 std::optional<bool> Zeroing::take_outcome() { return std::exchange(outcome_, std::nullopt); }
 
-void Zeroing::process(PlatePoses& poses) {
-  if (running_) observe(poses);
-  if (!zero_ || poses.quality == Quality::kInvalid) return;
+bool Zeroing::process(PlatePoses& poses) {
+  const bool is_new = running_ && observe(poses);
+  if (!zero_ || poses.quality == Quality::kInvalid) return is_new;
   for (int p = 0; p < kPlates; ++p) {
     poses.plates[p] = since((*zero_)[static_cast<std::size_t>(p)], poses.plates[p]);
   }
+  return is_new;
 }
 
-void Zeroing::end(bool done) {
+bool Zeroing::end(bool done) {
   running_ = false;
   outcome_ = done;
+  return done;
 }
 
 /// Near enough to be a zero, and where the first frame saw it.
 bool Zeroing::is_usable(const PlatePoses& poses) const {
   for (int p = 0; p < kPlates; ++p) {
     const PlateMotion& motion = poses.plates[p];
-    if (!(motion.displacement_mm.norm() <= kFurthest_mm && motion.rotation_rad.norm() <= kLargest_rotation))
+    if (!(motion.displacement_mm.norm() <= furthest_mm_ && motion.rotation_rad.norm() <= kLargest_rotation))
       return false;
     if (frames_ == 0) continue;
     if ((motion.displacement_mm - first_.plates[p].displacement_mm).norm() > kStill_mm) return false;
   }
-  return frames_ == 0 || poses.seen == first_.seen;
+  return true;
 }
 
-void Zeroing::observe(const PlatePoses& poses) {
+/// Whether the zero is there with this frame.
+bool Zeroing::observe(const PlatePoses& poses) {
   if (++tries_ > kLongest) return end(false);
-  if (poses.quality != Quality::kFresh) return;
+  if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return false;
   if (!is_usable(poses)) return end(false);
   if (frames_++ == 0) first_ = poses;
   for (int p = 0; p < kPlates; ++p) {
@@ -61,9 +64,9 @@ void Zeroing::observe(const PlatePoses& poses) {
     sum.displacement_mm += poses.plates[p].displacement_mm / kFrames;
     sum.rotation_rad += poses.plates[p].rotation_rad / kFrames;
   }
-  if (frames_ < kFrames) return;
+  if (frames_ < kFrames) return false;
   zero_ = sum_;
-  end(true);
+  return end(true);
 }
 
 }  // namespace finsight

@@ -14,33 +14,40 @@ using ZeroPose = std::array<PlateMotion, kPlates>;
 /// Measures a zero as the mean of some frames, and takes it off every measurement.
 class Zeroing {
  public:
-  static constexpr int kFrames = 60;                 ///< of the mean: noise falls to an eighth
-  static constexpr int kLongest = 240;               ///< frames, after which a finger that is never seen is given up
-  static constexpr float kFurthest_mm = 3;           ///< more is a touch or a wrong finger, no way of sitting
-  static constexpr float kLargest_rotation = 0.15F;  ///< radians; the same
+  static constexpr int kFrames = 60;    ///< of the mean: noise falls to an eighth
+  static constexpr int kLongest = 240;  ///< frames, after which a finger that is not seen whole is given up
+  static constexpr float kLargest_rotation = 0.15F;  ///< radians; more is no way of sitting
   static constexpr float kStill_mm = 0.3F;           ///< what a plate may move meanwhile: five times the noise
 
+  /// `furthest_mm`: what a plate may be from the model's rest; further is a touch.
+  explicit Zeroing(float furthest_mm) : furthest_mm_(furthest_mm) {}
+
   void begin() {
-    *this = Zeroing(zero_);
+    const std::optional<ZeroPose> zero = zero_;
+    *this = Zeroing(furthest_mm_);
+    zero_ = zero;
     running_ = true;
+  }
+  /// No frame comes: a zero that is being measured is not possible.
+  void give_up() {
+    if (running_) end(false);
   }
   /// Of the measurement that was begun, once: whether there is a new zero.
   std::optional<bool> take_outcome();
 
-  /// A frame's measured poses; they come back relative to the zero.
-  void process(PlatePoses& poses);
+  /// A frame's measured poses; they come back relative to the zero. Returns whether there is a new one since the frame
+  /// before.
+  bool process(PlatePoses& poses);
 
   const std::optional<ZeroPose>& zero() const { return zero_; }
   void set_zero(const std::optional<ZeroPose>& zero) { zero_ = zero; }
 
-  Zeroing() = default;
-
  private:
-  explicit Zeroing(const std::optional<ZeroPose>& zero) : zero_(zero) {}
-  void observe(const PlatePoses& poses);
+  bool observe(const PlatePoses& poses);
   bool is_usable(const PlatePoses& poses) const;
-  void end(bool done);
+  bool end(bool done);
 
+  float furthest_mm_;
   std::optional<ZeroPose> zero_;
   bool running_ = false;
   int frames_ = 0, tries_ = 0;

@@ -39,10 +39,14 @@ MountCheck::MountCheck(const MountModel& mount) {
 bool MountCheck::look(const PlatePoses& poses) {
   if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return knocked_;
   const Eigen::Matrix<double, 18, 1> numbers = scaled_numbers(poses);
+  bool moves = false;
   for (int p = 0; p < kPlates && frames_ > 0; ++p) {
     const double off_mm = (numbers - mean_).segment<3>(6 * p).norm();
-    if (!(off_mm <= static_cast<double>(kStill_mm))) frames_ = 0;
+    moves |= !(off_mm <= static_cast<double>(kStill_mm));
   }
+  moving_ = moves ? moving_ + 1 : 0;
+  if (moves && moving_ < kBrief) return knocked_;
+  if (moves) frames_ = moving_ = 0;
   if (frames_ == 0) mean_.setZero();
   frames_ = std::min(frames_ + 1, kFrames);
   mean_ += (numbers - mean_) / frames_;

@@ -11,7 +11,7 @@ namespace {
 constexpr int kRowStep = 8;
 constexpr int kMostRepeats = 5;
 constexpr double kDarkest = 6, kBrightest = 249;
-constexpr int kSharpRowStep = 32;        // a marker's edges are longer
+constexpr int kSharpRowStep = 32;    // a marker's edges are longer
 constexpr int kBlocksPerRow = 320;   // blocks of pixels that are averaged against noise
 constexpr int kLeastContrast = 50;   // grey levels between blocks; with less there is nothing to be sharp
 constexpr double kSharpShare = 0.6;  // of the contrast, between a block and the next but one
@@ -19,18 +19,21 @@ constexpr int kMostBlurred = 30;
 
 }  // namespace
 
-// One pass over the rows: their sum, and a checksum that changes with any byte and with the bytes' order.
+// One pass over the rows: their sum, and a checksum that changes with any byte and with the bytes' order. A picture
+// that repeats is frozen, however dark it is; but a sensor that sees nothing at all may well give the same again.
 PictureFault PictureCheck::look(const GreyView& picture) {
   if (!picture.pixels || picture.width_px < 1 || picture.height_px < 1 || picture.stride_bytes < picture.width_px) {
     return PictureFault::kNone;
   }
-  std::uint64_t checksum = 0xcbf29ce484222325, sum = 0, pixels = 0;
+  std::uint64_t checksum = 0xcbf29ce484222325, sum = 0, pixels = 0, differing = 0;
+  const std::uint64_t plain = 0x0101010101010101 * *picture.at(0, 0);
   const int words = picture.width_px / 8;
   for (int y = 0; y < picture.height_px; y += kRowStep) {
     const std::uint8_t* row = picture.at(0, y);
     for (int k = 0; k < words; ++k) {
       std::uint64_t word;
       std::memcpy(&word, row + 8 * k, sizeof word);
+      differing |= word ^ plain;
       checksum = (checksum ^ word) * 0x9e3779b97f4a7c15;
       checksum ^= checksum >> 29;
     }
@@ -40,6 +43,7 @@ PictureFault PictureCheck::look(const GreyView& picture) {
   repeats_ = checksum == last_checksum_ ? repeats_ + 1 : 0;
   last_checksum_ = checksum;
   const double mean = static_cast<double>(sum) / static_cast<double>(pixels);
+  if (repeats_ >= kMostRepeats && differing != 0) return PictureFault::kFrozen;
   if (mean < kDarkest) return PictureFault::kDark;
   if (mean > kBrightest) return PictureFault::kBright;
   if (repeats_ >= kMostRepeats) return PictureFault::kFrozen;

@@ -49,7 +49,15 @@ TEST_CASE("picture check: two pictures in turn are not frozen, and one pixel mak
   }
 }
 
-TEST_CASE("picture check: dark and bright pictures are, frozen or not") {
+TEST_CASE("picture check: a dark picture that repeats is frozen, whatever little it shows") {
+  PictureCheck check;
+  Picture dark(1);
+  dark.grey[8 * kWidth + 40] = 200;  // a lit marker on black
+  for (int frame = 0; frame < 5; ++frame) CHECK(check.look(dark.view()) == PictureFault::kDark);
+  CHECK(check.look(dark.view()) == PictureFault::kFrozen);
+}
+
+TEST_CASE("picture check: plain dark and bright pictures are, frozen or not") {
   PictureCheck check;
   for (int frame = 0; frame < 8; ++frame) CHECK(check.look(Picture(2).view()) == PictureFault::kDark);
   for (int frame = 0; frame < 8; ++frame) CHECK(check.look(Picture(255).view()) == PictureFault::kBright);
