@@ -118,14 +118,15 @@ std::optional<SessionInfo> recording_info(const Settings& settings, const Model&
 }
 
 /// What clients saved. If that cannot be used, the factory settings, and a fault until a client says that it knows.
-SavedState load_saved(const Settings& settings, FrameLoop& loop) {
+/// `loop`: shows the fault if they are refused; none in safe mode.
+SavedState load_saved(const Settings& settings, FrameLoop* loop) {
   const SavedState factory{settings.loop.live, std::nullopt};
   if (settings.saved_state.empty()) return factory;
   try {
     return load_state(settings.saved_state).value_or(factory);
   } catch (const InputError& error) {
     print_news(std::string(error.what()) + "; the factory settings are used");
-    loop.set_lasting_fault(FaultCode::kSavedSettings);
+    if (loop) loop->set_lasting_fault(FaultCode::kSavedSettings);
     return factory;
   }
 }
@@ -250,7 +251,6 @@ int serve_fault(const Arguments& arguments) {
   LoopState state;
   state.fault = arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
   const Settings settings = read_good_parts(arguments.settings, arguments.user);
-  state.settings = settings.loop.live;
   std::optional<Outputs> outputs;  // stay safe from their opening on
   try {
     outputs.emplace(settings.gpio);
@@ -258,7 +258,7 @@ int serve_fault(const Arguments& arguments) {
   } catch (const std::exception& error) {
     print_news(error.what());
   }
-  Control control(settings.write_key, settings.loop.live);
+  Control control(settings.write_key, settings.loop.live, load_saved(settings, nullptr).settings);
   const auto server = open_server_anyhow(settings.modbus, control);
   print_news("SAFE MODE, fault " + std::to_string(static_cast<int>(state.fault)) + "; Modbus TCP on port " +
              std::to_string(server->port()));
@@ -266,6 +266,7 @@ int serve_fault(const Arguments& arguments) {
   RegisterImage image;
   while (!stop_requested) {
     ++state.heartbeat;
+    state.settings = control.settings();
     encode_registers(PlatePoses{}, FingerShape{}, Touch{}, state, image);
     server->publish(image);
     if (const auto command = control.take_command()) {
@@ -303,7 +304,7 @@ int start(const Arguments& arguments) {
                model.shape.tets);
   FrameLoop loop(model, lens_of(settings, model), settings.loop);
   const auto camera = open_camera(settings);
-  const SavedState saved = load_saved(settings, loop);
+  const SavedState saved = load_saved(settings, &loop);
   if (arguments.check) return 0;
   std::optional<StateSaver> saver;
   if (!settings.saved_state.empty()) saver.emplace(settings.saved_state);

@@ -42,8 +42,7 @@ struct Recorder::Session {
   Session(const std::filesystem::path& parent, const SessionInfo& session)
       : folder(next_folder(parent)), info(session) {
     std::filesystem::create_directory(folder);
-    pictures.emplace(folder / kSessionFrames, info.width_px, info.height_px,
-                     std::max(1, static_cast<int>(std::lround(info.frames_per_second))));
+    pictures.emplace(folder / kSessionFrames, info.width_px, info.height_px, info.frames_per_second);
     registers.open(folder / "registers.csv");
     registers << "frame";
     for (int i = 0; i < kMeasurementRegisters; ++i) registers << ",r" << i;
@@ -84,6 +83,7 @@ Recorder::~Recorder() {
 
 // Frames leave room for these, so they never wait.
 void Recorder::push_order(Order order) {
+  ++orders_;
   slots_[head_ % kSlots].order = order;
   push();
 }
@@ -131,6 +131,7 @@ void Recorder::run() {
       session.reset();
       state_ = State::kFailed;
     }
+    if (slot.order != Order::kFrame) ++carried_out_;
   }
 }
 

@@ -84,7 +84,7 @@ class SessionCamera : public ReplayCamera {
   SessionCamera(const ReplaySettings& settings, const SessionInfo& info)
       : ReplayCamera(settings, info.frames_per_second), pictures_(settings.path / kSessionFrames) {
     const auto check = [&](const char* field, double found, double expected) {
-      if (found == expected) return;
+      if (std::abs(found - expected) < 1e-6 * expected) return;  // a rate is written as a ratio
       throw InputError((settings.path / kSessionFrames).string(), field, std::to_string(found),
                        std::to_string(expected) + " as in " + kSessionInfo);
     };

@@ -81,7 +81,7 @@ class Y4mReader {
 /// Writes frames.y4m; the file appears under its name only when finish() was called. Throws std::system_error.
 class Y4mWriter {
  public:
-  Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, int frames_per_second);
+  Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, double frames_per_second);
   ~Y4mWriter();  ///< removes an unfinished file
   Y4mWriter(const Y4mWriter&) = delete;
   Y4mWriter& operator=(const Y4mWriter&) = delete;

@@ -4,6 +4,7 @@
 
 #include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <cstring>
 #include <system_error>
 
@@ -182,13 +183,16 @@ void Y4mReader::rewind() {
   frame_ = 0;
 }
 
-Y4mWriter::Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, int frames_per_second)
+Y4mWriter::Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, double frames_per_second)
     : target_(file),
       temporary_(file.string() + ".part" + std::to_string(getpid())),
       frame_bytes_(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px)) {
   file_ = std::fopen(temporary_.c_str(), "wbe");
   if (!file_) throw std::system_error(errno, std::generic_category(), temporary_.string() + ": cannot create");
-  std::fprintf(file_, "%s W%d H%d F%d:1 Ip A1:1 Cmono\n", kSignature.data(), width_px, height_px, frames_per_second);
+  // A ratio of whole numbers, to a millionth.
+  const int under = frames_per_second == std::floor(frames_per_second) ? 1 : 1'000'000;
+  std::fprintf(file_, "%s W%d H%d F%.0f:%d Ip A1:1 Cmono\n", kSignature.data(), width_px, height_px,
+               frames_per_second * under, under);
 }
 
 Y4mWriter::~Y4mWriter() {

@@ -105,6 +105,17 @@ TEST_CASE("y4m: what was written is read back, frame by frame, again after rewin
   }
 }
 
+TEST_CASE("y4m: a rate that is no whole number comes back") {
+  const Folder folder;
+  const std::vector<std::uint8_t> grey(16);
+  for (const double rate : {59.94, 60000.0 / 1001, 7.5}) {
+    Y4mWriter writer(folder.path / "frames.y4m", 4, 4, rate);
+    writer.write(grey.data());
+    writer.finish();
+    CHECK(Y4mReader(folder.path / "frames.y4m").frames_per_second() == doctest::Approx(rate).epsilon(1e-7));
+  }
+}
+
 TEST_CASE("y4m: an unfinished recording leaves no file behind, a full disk is an error") {
   const Folder folder;
   const std::vector<std::uint8_t> grey(1000 * 1000);
@@ -340,7 +351,8 @@ TEST_CASE("recorded motion: damaged files are refused with line and column") {
       {"quaternion of zeros", kColumns + "a,0,1,2,3,0,0,0,0,10,20,30,7\n", ":2: column 6 (marker_qx)"},
       {"quaternion too long", kColumns + "a,0,1,2,3,0,0,0.2,1,10,20,30,7\n", "length 1 within 0.01"},
       {"fault in a recording not asked for", kColumns + good + "b,0,1,2,3,0,0,0,1,10,20,x,7\n", ":3: column 12"},
-      {"half a contact point", kColumns + "a,0,1,2,3,0,0,0,1,10,20,30,7.5\n", ":2: column 13 (surface_node): found '7.5'"},
+      {"half a contact point", kColumns + "a,0,1,2,3,0,0,0,1,10,20,30,7.5\n",
+       ":2: column 13 (surface_node): found '7.5'"},
       {"no such recording", kColumns + "c,0,1,2,3,0,0,0,1,10,20,30,7\n", "none named 'a', expected one of 1"},
   };
   const Folder folder;
