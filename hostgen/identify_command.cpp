@@ -35,13 +35,11 @@ void print(const Identification& found, const RecordingAudit& audit) {
   std::printf(
       "no force was recorded: stiffness alone does not change where a push to a given depth moves the plates\n");
   const auto& residual = audit.pen_residual_mm;
-  const double largest_mm = std::max({residual[0], residual[1], residual[2]});
-  constexpr double kComputed_mm = 0.05;  // no pen and no camera agree so well
-  if (largest_mm < kComputed_mm) {
+  if (audit.touch_is_computed()) {
     std::printf(
         "the touch columns are a function of the plate's pose (to %.4f mm): they were computed, not measured, so\n"
         "this fits one model to another, and the numbers are not those of the real finger\n",
-        largest_mm);
+        std::max({residual[0], residual[1], residual[2]}));
   }
 }
 

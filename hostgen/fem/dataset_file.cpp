@@ -12,7 +12,7 @@ namespace finsight::host {
 
 namespace {
 
-constexpr std::size_t kDatasetLimit_bytes = std::size_t{512} << 20;
+constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
 constexpr std::size_t kStateNumbers = 1 + 3 + 3 + 6 * kPlates;  // force, point, contact, plates
 constexpr const char* kFormat = "2";
 
@@ -95,6 +95,9 @@ FemDataset read_dataset(const std::filesystem::path& file) {
     if (outcome[i] > 2) in.refuse("outcome", std::to_string(outcome[i]), "0, 1 or 2");
     if (labels[2 * i] < 0 || labels[2 * i] >= dataset.plan.points) {
       in.refuse("path_and_front_node", std::to_string(labels[2 * i]), "a path below the number of points");
+    }
+    if (labels[2 * i + 1] < 0 || static_cast<std::size_t>(labels[2 * i + 1]) >= dataset.mesh_nodes) {
+      in.refuse("path_and_front_node", std::to_string(labels[2 * i + 1]), "a node of the mesh");
     }
     FemState state{.path = labels[2 * i],
                    .front_node = labels[2 * i + 1],

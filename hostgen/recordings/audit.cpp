@@ -170,7 +170,7 @@ Eigen::Matrix<double, 6, 1> scaled_pose(const PlateMotion& plate) {
 // exactly.
 void audit_truth(const RecordedMotion& motion, const std::vector<bool>& outlier, RecordingAudit& audit) {
   Eigen::Vector3d residual_sq = Eigen::Vector3d::Zero();
-  double fitted_points = 0, change_sq = 0, unexplained_sq = 0;
+  double change_sq = 0, unexplained_sq = 0;
   for (const auto& [node, rows] : rows_by_point(motion, outlier)) {
     if (rows.size() < kFewestRows) continue;
     const auto count = static_cast<Eigen::Index>(rows.size());
@@ -190,10 +190,11 @@ void audit_truth(const RecordedMotion& motion, const std::vector<bool>& outlier,
     const Eigen::MatrixXd pen_change = pen.bottomRows(count - 1) - pen.topRows(count - 1);
     change_sq += pen_change.squaredNorm();
     unexplained_sq += squared_residual(pose_change.rightCols(6), pen_change, 0).sum() * static_cast<double>(count - 1);
-    ++fitted_points;
+    ++audit.fitted_points;
   }
   for (int i = 0; i < 3; ++i) {
-    audit.pen_residual_mm[static_cast<std::size_t>(i)] = std::sqrt(residual_sq[i] / std::max(1.0, fitted_points));
+    audit.pen_residual_mm[static_cast<std::size_t>(i)] =
+        std::sqrt(residual_sq[i] / static_cast<double>(std::max<std::size_t>(1, audit.fitted_points)));
   }
   audit.jitter_in_pen = change_sq > 0 ? 1 - unexplained_sq / change_sq : 0;
 }
@@ -235,11 +236,12 @@ void audit_face(RecordingAudit& audit) {
     if (up <= 0.25) audit.half_width_mm[0] = std::max(audit.half_width_mm[0], std::abs(place(i, 0)));
     if (up >= 0.75) audit.half_width_mm[1] = std::max(audit.half_width_mm[1], std::abs(place(i, 0)));
   }
-  constexpr double kStep_mm = 1;
-  for (double y = audit.y_mm[0]; y <= audit.y_mm[1]; y += kStep_mm) {
+  const double widest = std::max(audit.half_width_mm[0], audit.half_width_mm[1]);
+  const double step_mm = std::max(1.0, std::max(height, widest) / 250);  // a finger's face has a grid of 1 mm
+  for (double y = audit.y_mm[0]; y <= audit.y_mm[1]; y += step_mm) {
     const double up = height > 0 ? (y - audit.y_mm[0]) / height : 0;
     const double half = audit.half_width_mm[0] + up * (audit.half_width_mm[1] - audit.half_width_mm[0]);
-    for (double x = -half; x <= half; x += kStep_mm) {
+    for (double x = -half; x <= half; x += step_mm) {
       const double nearest_sq =
           (place.leftCols<2>().rowwise() - Eigen::RowVector2d(x, y)).rowwise().squaredNorm().minCoeff();
       audit.largest_gap_mm = std::max(audit.largest_gap_mm, std::sqrt(nearest_sq));

@@ -1,6 +1,7 @@
 // What is wrong with recorded touches, asked before anyone trains on them.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <string>
@@ -31,8 +32,13 @@ struct RecordingAudit {
   double leaked = 0;    ///< share of a random 7:1:2 split's test rows of which the training set has a copy
 
   // Truth
+  std::size_t fitted_points = 0;  ///< contact points with rows enough to tell; with none, what follows means nothing
   std::array<double, 3> pen_residual_mm{};  ///< RMS x y z of the pen's place after a quadratic of the plate's pose
-  double jitter_in_pen = 0;                 ///< share of the pen's changes (variance) that the plate's changes explain
+  /// The touch must be a function of the pose: no camera and no pen agree so well.
+  bool touch_is_computed() const {
+    return fitted_points > 0 && *std::max_element(pen_residual_mm.begin(), pen_residual_mm.end()) < 0.02;
+  }
+  double jitter_in_pen = 0;  ///< share of the pen's changes (variance) that the plate's changes explain
 
   // Face: z = z_at_base_mm + slope * y at the points' unbent places
   double z_at_base_mm = 0, slope = 0, plane_rms_mm = 0;

@@ -48,10 +48,10 @@ std::string outlier_row(const RecordingAudit& audit) {
 }
 
 std::string truth_rows(const RecordingAudit& audit) {
-  // No camera and no pen agree this well.
-  constexpr double kTooGood_mm = 0.02;
-  const double worst = *std::max_element(audit.pen_residual_mm.begin(), audit.pen_residual_mm.end());
-  const bool computed = worst < kTooGood_mm && audit.contact_points > 0;
+  if (audit.fitted_points == 0) {
+    return row("truth", "no contact point has the 60 distinct rows that tell", "not known: measured or computed");
+  }
+  const bool computed = audit.touch_is_computed();
   std::string rows =
       row("truth",
           text("a quadratic of the plate's pose tells the touch to %.4f / %.4f / %.4f mm (RMS; x y z) at each point",
@@ -67,10 +67,13 @@ std::string face_rows(const RecordingAudit& audit) {
                          text("z = %.2f mm + %.4f y, contact points within %.2f mm (RMS) of that plane",
                               audit.z_at_base_mm, audit.slope, audit.plane_rms_mm),
                          "ok");
-  rows += row("coverage",
-              text("x %.1f to %.1f mm, y %.1f to %.1f mm; |x| up to %.1f mm low, %.1f mm high", audit.x_mm[0],
-                   audit.x_mm[1], audit.y_mm[0], audit.y_mm[1], audit.half_width_mm[0], audit.half_width_mm[1]),
-              "ok");
+  constexpr double kLowest_mm = 10, kHighest_mm = 1000;  // faces of fingers
+  const double height_mm = audit.y_mm[1] - audit.y_mm[0];
+  rows += row(
+      "coverage",
+      text("x %.1f to %.1f mm, y %.1f to %.1f mm; |x| up to %.1f mm low, %.1f mm high", audit.x_mm[0], audit.x_mm[1],
+           audit.y_mm[0], audit.y_mm[1], audit.half_width_mm[0], audit.half_width_mm[1]),
+      height_mm >= kLowest_mm && height_mm <= kHighest_mm ? "ok" : "PROBLEM: no finger's face; are these millimetres?");
   // A touch further than this from all training points is told by extrapolation.
   constexpr double kGap_mm = 10;
   return rows + row("",
@@ -95,7 +98,10 @@ std::string audit_table(const RecordingAudit& audit) {
   table += row("rest",
                text("the plate has moved %.2f mm or more in every row, %.1f mm at most", audit.smallest_motion_mm,
                     audit.largest_motion_mm),
-               audit.smallest_motion_mm < 0.1 ? "ok" : "PROBLEM: no row shows the finger at rest");
+               audit.largest_motion_mm < 0.5 || audit.largest_motion_mm > 200
+                   ? "PROBLEM: no finger that is touched moves so; are these millimetres?"
+               : audit.smallest_motion_mm < 0.1 ? "ok"
+                                                : "PROBLEM: no row shows the finger at rest");
   table += row("rotation",
                text("changes from row to row: %.1f deg (median), %.1f deg (95 %%), %.1f deg (99 %%)",
                     audit.change_deg[0], audit.change_deg[1], audit.change_deg[2]),
