@@ -47,7 +47,7 @@ class Regrasp {
       case 0:  // close until the touch is firm
         out.opening_mm -= kClosing_mm;
         if (in.touch_valid && (in.level_permille >= kFirmly_permille || in.overload)) go_to(1);
-        if (out.opening_mm < kClosest_mm) out.error = true;
+        if (out.opening_mm < kClosest_mm) fail();  // nothing there
         break;
       case 1:  // stand still and take the mean of some readings
         if (++count_ > 6 && in.touch_valid) {
@@ -56,7 +56,7 @@ class Regrasp {
           ++readings_;
         }
         if (readings_ == kReadings) go_to(2);
-        if (count_ > 60) out.error = true;
+        if (count_ > 60) fail();
         break;
       case 2: {  // near enough?
         const float x = sum_x_ / kReadings - kCentre_x_mm, y = sum_y_ / kReadings - kCentre_y_mm;
@@ -64,8 +64,7 @@ class Regrasp {
           out.done = true;
           go_to(9);
         } else if (moves == kMostMoves) {
-          out.error = true;
-          go_to(9);
+          fail();
         } else {
           ++moves;
           move_x_ = x;
@@ -91,6 +90,10 @@ class Regrasp {
   }
 
  private:
+  void fail() {  // and stay there
+    out.error = true;
+    go_to(9);
+  }
   void go_to(int step) {
     step_ = step;
     count_ = 0;
@@ -121,12 +124,17 @@ class GentleGrasp {
       case 0:  // close
         out.opening_mm -= in.level_permille < kNearlyThere * level_ ? kFast_mm : kSlow_mm;
         if (in.gentle) step_ = 1;
-        if (out.opening_mm < kClosest_mm) out.error = true;
+        if (out.opening_mm < kClosest_mm) {  // nothing there
+          out.error = true;
+          step_ = 9;
+        }
         break;
-      default:  // 1: hold
+      case 1:  // hold
         out.done = true;
         if (!in.gentle) out.opening_mm -= kSlow_mm;
         if (in.level_permille > 1.15F * level_) out.opening_mm += kSlow_mm;
+        break;
+      default:  // 9: failed
         break;
     }
   }
