@@ -304,7 +304,7 @@ std::string structured_text() {
        << declarations("  ", "(* ", " *)") << "END_VAR\nVAR\n  last_heartbeat : WORD;\n  quiet : TON;\n"
        << pair_declarations("  ") << "END_VAR\n"
        << "  quiet(IN := words[2] = last_heartbeat, PT := stale_after);\n  last_heartbeat := words[2];\n"
-          "  alive := NOT quiet.Q;\n"
+          "  alive := NOT quiet.Q AND (words[39] = WORD#16#1234);  (* the block has been read, and changes *)\n"
        << pairs(dialect, "  ", "SHL")
        << "  word_order_is_right := (words[39] = WORD#16#1234) AND (pair_46 = DWORD#16#12345678);\n"
        << assignments(dialect, "  ", "") << "END_FUNCTION_BLOCK\n"
