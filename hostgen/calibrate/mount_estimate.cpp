@@ -169,23 +169,47 @@ MountEstimate estimate_mount(const MountModel& nominal, const CameraModel& lens,
   return estimate;
 }
 
+namespace {
+
+std::string place_name(int place) {
+  return place == 0 ? "camera" : std::string(kPlateNames[static_cast<std::size_t>(place - 1)]) + " marker";
+}
+
+/// A mount that explains the corners, but that hardly anyone would mount so.
+std::string doubts(const MountEstimate& estimate) {
+  constexpr double kUsual = 3;  // standard deviations
+  const Eigen::Matrix<double, 6, kPlaces> off = estimate.change.cwiseQuotient(mounted_to().reshaped(6, kPlaces));
+  std::string text;
+  for (int place = 0; place < kPlaces; ++place) {
+    const double most = off.col(place).cwiseAbs().maxCoeff();
+    if (most <= kUsual) continue;
+    char line[160];
+    std::snprintf(line, sizeof line,
+                  "warning: the %s is %.1f times further off than parts are usually mounted: is the "
+                  "finger touched, or is it another spec's?\n",
+                  place_name(place).c_str(), most);
+    text += line;
+  }
+  return text;
+}
+
+}  // namespace
+
 std::string mount_text(const MountEstimate& estimate) {
   std::string text = "away from the spec           shift, mm: x       y       z     turn, deg: x       y       z\n";
   for (int place = 0; place < kPlaces; ++place) {
-    const std::string name =
-        place == 0 ? "camera" : std::string(kPlateNames[static_cast<std::size_t>(place - 1)]) + " marker";
     for (const bool of_sigma : {false, true}) {
       const Eigen::Matrix<double, 6, 1> v = of_sigma ? estimate.sigma.col(place) : estimate.change.col(place);
       char line[160];
       std::snprintf(line, sizeof line, "%-28s %11.2f %7.2f %7.2f   %13.2f %7.2f %7.2f\n",
-                    of_sigma ? "  std. dev." : name.c_str(), v[0], v[1], v[2], kDegPerRad * v[3], kDegPerRad * v[4],
-                    kDegPerRad * v[5]);
+                    of_sigma ? "  std. dev." : place_name(place).c_str(), v[0], v[1], v[2], kDegPerRad * v[3],
+                    kDegPerRad * v[4], kDegPerRad * v[5]);
       text += line;
     }
   }
   char line[96];
   std::snprintf(line, sizeof line, "corners are %.3f pixels from that (RMS)\n", estimate.rms_px);
-  return text + line;
+  return text + line + doubts(estimate);
 }
 
 }  // namespace finsight::host

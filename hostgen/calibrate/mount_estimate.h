@@ -35,7 +35,8 @@ struct MountEstimate {
 MountEstimate estimate_mount(const MountModel& nominal, const CameraModel& lens, const RestingCorners& seen,
                              const std::string& name);
 
-/// A table for people.
+/// A table for people, with a warning for each part that is further off than three standard deviations of how parts are
+/// mounted.
 std::string mount_text(const MountEstimate& estimate);
 
 }  // namespace finsight::host

@@ -122,6 +122,11 @@ TEST_CASE("mount estimate: a camera that alone is displaced is found where it is
   CHECK((found.change - truth).topRows<3>().cwiseAbs().maxCoeff() < 0.35);
   CHECK((found.change - truth).bottomRows<3>().cwiseAbs().maxCoeff() < 0.02);
   CHECK(says(mount_text(found), "camera"));
+  CHECK_FALSE(says(mount_text(found), "warning"));
+
+  truth.col(3) << 0, -3, 0, 0, 0, 0;
+  const MountEstimate odd = estimate_mount(nominal, lens, corners_of(changed(nominal, truth), lens, random), "s");
+  CHECK(says(mount_text(odd), "warning: the low marker is "));
 }
 
 TEST_CASE("mount estimate: what no mount explains, and what is too far away, is refused") {
