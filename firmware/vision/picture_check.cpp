@@ -26,7 +26,7 @@ PictureFault PictureCheck::look(const GreyView& picture) {
     return PictureFault::kNone;
   }
   std::uint64_t checksum = 0xcbf29ce484222325, sum = 0, pixels = 0, differing = 0;
-  const std::uint64_t plain = 0x0101010101010101 * *picture.at(0, 0);
+  const std::uint64_t plain = std::uint64_t{0x0101010101010101} * *picture.at(0, 0);
   const int words = picture.width_px / 8;
   for (int y = 0; y < picture.height_px; y += kRowStep) {
     const std::uint8_t* row = picture.at(0, y);

@@ -45,17 +45,20 @@ class Client(threading.Thread):
     def run(self):
         last = None
         while time.monotonic() < self.until:
+            asked = time.monotonic()
             try:
                 device = finsightctl.Device("127.0.0.1", self.port)
                 self.connections += 1
                 end = min(self.until, time.monotonic() + RECONNECT_S + 0.3 * self.number)
                 while time.monotonic() < end:
-                    started = time.monotonic()
+                    asked = time.monotonic()
                     words = device.read(0, 48)
-                    elapsed_ms = 1000 * (time.monotonic() - started)
+                    elapsed_ms = 1000 * (time.monotonic() - asked)
                     last = self.check(words, elapsed_ms, last, time.monotonic())
-                    time.sleep(max(0, 1 / RATE_HZ - (time.monotonic() - started)))
+                    time.sleep(max(0, 1 / RATE_HZ - (time.monotonic() - asked)))
                 device.socket.close()
+            except TimeoutError:
+                self.silences.append((asked, time.monotonic()))
             except (OSError, finsightctl.Refusal) as error:
                 self.problems.append(f"client {self.number}: {error}")
                 return
@@ -172,7 +175,7 @@ def main():
     latency = sorted(value for client in clients for value in client.latency_ms)
     problems = [problem for client in clients for problem in client.problems]
     silences = [(end - begin, stalls.within_s(begin, end)) for client in clients for begin, end in client.silences]
-    problems += [f"no heartbeat for {silent_s:.2f} s, of which the machine stood still for {still_s:.2f} s"
+    problems += [f"no heartbeat or no answer for {silent_s:.2f} s, of which the machine stood still for {still_s:.2f} s"
                  for silent_s, still_s in silences if silent_s - still_s > SILENT_S]
     figures = {
         "seconds": arguments.seconds, "clients": arguments.clients, "reads": sum(c.reads for c in clients),
