@@ -62,6 +62,8 @@ class Client(threading.Thread):
             except (OSError, finsightctl.Refusal) as error:
                 self.problems.append(f"client {self.number}: {error}")
                 return
+        if last:
+            self.silences.append((last[1], time.monotonic()))  # silent to the end
 
     def check(self, words, elapsed_ms, last, now):
         self.reads += 1
@@ -102,7 +104,10 @@ class Stalls:
         for line in lines:
             self.times.append(tuple(map(float, line.split())))
 
-    def end(self):
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
         for sleeper in self.sleepers:
             sleeper.kill()
             sleeper.wait()
@@ -141,7 +146,7 @@ def main():
     # From memory: a disk that is busy with others would look like a camera that stalls.
     memory = tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
     session = shutil.copytree(SESSION, Path(memory.name) / "session")
-    with memory, Firmware(session_source(path=session)) as firmware:
+    with memory, Firmware(session_source(path=session)) as firmware, Stalls() as stalls:
         deadline = time.monotonic() + 30
         while True:
             try:
@@ -156,7 +161,6 @@ def main():
         until = time.monotonic() + arguments.seconds
         clients = [Client(n, firmware.port, until) for n in range(arguments.clients)]
         first_frames = reader.read(32, 3)
-        stalls = Stalls()
         for client in clients:
             client.start()
         time.sleep(min(5, arguments.seconds / 4))  # everything has been used once
@@ -168,7 +172,6 @@ def main():
                       f"{memory_kb(firmware.process.pid)} kB", flush=True)
         for client in clients:
             client.join(10)
-        stalls.end()
         after_kb = memory_kb(firmware.process.pid)
         last_frames = finsightctl.Device("127.0.0.1", firmware.port).read(32, 3)  # the first one was silent for too long
     frames = ((last_frames[0] << 16 | last_frames[1]) - (first_frames[0] << 16 | first_frames[1])) % 2**32
@@ -185,7 +188,8 @@ def main():
                                   for share in (0.5, 0.9, 0.99, 0.999)},
         "machine_stood_still_s": round(stalls.within_s(0, math.inf), 1),
         "longest_stall_s": round(max((stop - start for start, stop in stalls.times), default=0), 2),
-        "longest_silence_s": round(max((silent_s for silent_s, _ in silences), default=0), 2), "memory_kb_before": before_kb, "memory_kb_after": after_kb,
+        "longest_silence_s": round(max((silent_s for silent_s, _ in silences), default=0), 2),
+        "memory_kb_before": before_kb, "memory_kb_after": after_kb,
     }
     if after_kb - before_kb > 1024:
         problems.append(f"memory grew from {before_kb} to {after_kb} kB")
