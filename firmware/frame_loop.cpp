@@ -31,7 +31,7 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
   const std::int64_t poses_ns = steady_now_ns();
   const FingerShape& shape = shape_.solve(poses);
   const std::int64_t shape_ns = steady_now_ns();
-  const Touch& touch = camera_moved_ ? no_touch_ : touch_.locate(poses);
+  const Touch& touch = locate(poses);
   const std::int64_t touch_ns = steady_now_ns();
   const RegisterImage& registers = publish(poses, shape, touch);
   const std::int64_t end_ns = steady_now_ns();
@@ -49,7 +49,7 @@ const RegisterImage& FrameLoop::step_without_frame(std::int64_t now_ns) {
   picture_fault_ = PictureFault::kNone;
   zeroing_.give_up();
   const PlatePoses& poses = hold_poses(PlatePoses{}, now_ns);
-  return publish(poses, shape_.solve(poses), touch_.locate(poses));
+  return publish(poses, shape_.solve(poses), locate(poses));
 }
 
 PlatePoses FrameLoop::measure_poses(const Frame& frame) {
@@ -62,6 +62,8 @@ PlatePoses FrameLoop::measure_poses(const Frame& frame) {
   complete_from_prior(model_.prior, poses);
   return poses;
 }
+
+const Touch& FrameLoop::locate(const PlatePoses& poses) { return camera_moved_ ? no_touch_ : touch_.locate(poses); }
 
 // Short gaps (a hand before the light, a lost frame) repeat the last poses, marked as held. Longer ones are a fault,
 // and invalid, or still held where the settings want that.

@@ -50,6 +50,7 @@ class FrameLoop {
  private:
   PlatePoses measure_poses(const Frame& frame);
   const PlatePoses& hold_poses(const PlatePoses& measured, std::int64_t now_ns);
+  const Touch& locate(const PlatePoses& poses);
   void count_frame(const Frame& frame);
   FaultCode fault(const FingerShape& shape) const;
   const RegisterImage& publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch);

@@ -240,6 +240,7 @@ TEST_CASE("loop: what plates tell of touches counts for nothing while the camera
   CHECK((image.words[0] & kTouchValid) == 0);
   CHECK(image.words[5] == kNoInt16);
   CHECK(image.words[9] == kNoUint16);
+  CHECK((feeder.loop.step_without_frame(feeder.now_ns + kMs).words[0] & kTouchValid) == 0);
 }
 
 TEST_CASE("loop: poses that no finger can have keep the last shape, with the solver's fault") {
