@@ -83,7 +83,7 @@ Recorder::~Recorder() {
 
 // Frames leave room for these, so they never wait.
 void Recorder::push_order(Order order) {
-  ++orders_;
+  ++open_orders_;
   slots_[head_ % kSlots].order = order;
   push();
 }
@@ -131,7 +131,7 @@ void Recorder::run() {
       session.reset();
       state_ = State::kFailed;
     }
-    if (slot.order != Order::kFrame) ++carried_out_;
+    if (slot.order != Order::kFrame) --open_orders_;
   }
 }
 

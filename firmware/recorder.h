@@ -29,7 +29,7 @@ class Recorder {
 
   State state() const { return state_; }
   /// What start() and stop() began is over.
-  bool is_settled() const { return orders_ == carried_out_; }
+  bool is_settled() const { return open_orders_ == 0; }
   void start() { push_order(Order::kStart); }
   void stop() { push_order(Order::kStop); }
   /// Does nothing while nothing is being recorded.
@@ -58,7 +58,7 @@ class Recorder {
   const SessionInfo info_;
   std::array<Slot, kSlots> slots_;
   std::atomic<unsigned> head_{0}, tail_{0};  ///< of the slots, counted on
-  std::atomic<unsigned> orders_{0}, carried_out_{0};
+  std::atomic<int> open_orders_{0};  ///< given, not yet carried out
   std::atomic<unsigned> left_out_{0};
   std::atomic<State> state_{State::kIdle};
   std::counting_semaphore<> filled_{0};
