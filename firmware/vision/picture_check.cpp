@@ -40,8 +40,9 @@ PictureFault PictureCheck::look(const GreyView& picture) {
     for (int x = 0; x < picture.width_px; ++x) sum += row[x];
     pixels += static_cast<std::uint64_t>(picture.width_px);
   }
-  repeats_ = checksum == last_checksum_ ? repeats_ + 1 : 0;
-  last_checksum_ = checksum;
+  const bool repeated = std::find(last_checksums_.begin(), last_checksums_.end(), checksum) != last_checksums_.end();
+  repeats_ = repeated ? repeats_ + 1 : 0;
+  last_checksums_[next_++ % last_checksums_.size()] = checksum;
   const double mean = static_cast<double>(sum) / static_cast<double>(pixels);
   if (repeats_ >= kMostRepeats && differing != 0) return PictureFault::kFrozen;
   if (mean < kDarkest) return PictureFault::kDark;

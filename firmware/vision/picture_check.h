@@ -2,6 +2,7 @@
 // nothing sharp.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "firmware/vision/grey_view.h"
@@ -12,17 +13,19 @@ enum class PictureFault : std::uint8_t { kNone, kFrozen, kDark, kBright, kBlurre
 
 class PictureCheck {
  public:
-  /// To be called with every picture. Frozen from the sixth equal one in a row on: a sensor's noise never repeats,
-  /// while a stuck driver or a light that went on during readout may repeat one or two. Dark and bright: the mean grey
-  /// level is below 6 or above 249. Blurred from the 30th picture in a row on, so that a fast move is none: no edge in
-  /// it is sharper than a blur with a standard deviation of 1/280 of the picture's width (4.5 pixels of 1280), though
-  /// there is contrast. Looks at every eighth row: 100 us for 1280 x 720. Never allocates.
+  /// To be called with every picture. Frozen from the fifth in a row on that equals one of the four before it (a stuck
+  /// driver hands out its buffers in turn): a sensor's noise never repeats, while a light that went on during readout
+  /// may repeat one or two. Dark and bright: the mean grey level is below 6 or above 249. Blurred from the 30th picture
+  /// in a row on, so that a fast move is none: no edge in it is sharper than a blur with a standard deviation of 1/280
+  /// of the picture's width (4.5 pixels of 1280), though there is contrast. Looks at every eighth row: 100 us for 1280
+  /// x 720. Never allocates.
   PictureFault look(const GreyView& picture);
 
  private:
   bool is_blurred(const GreyView& picture) const;
 
-  std::uint64_t last_checksum_ = 0;
+  std::array<std::uint64_t, 4> last_checksums_{};
+  std::size_t next_ = 0;
   int repeats_ = 0, blurred_ = 0;
 };
 

@@ -40,12 +40,22 @@ TEST_CASE("picture check: the sixth equal picture is frozen, a new one ends it")
   CHECK(check.look(same.view()) == PictureFault::kNone);
 }
 
-TEST_CASE("picture check: two pictures in turn are not frozen, and one pixel makes another picture") {
+TEST_CASE("picture check: one pixel makes another picture") {
   PictureCheck check;
   Picture one(100, 1);
   for (int frame = 0; frame < 20; ++frame) {
-    one.grey[8 * kWidth + 33] = static_cast<std::uint8_t>(frame % 2);
+    one.grey[8 * kWidth + 33] = static_cast<std::uint8_t>(frame);
     CHECK(check.look(one.view()) == PictureFault::kNone);
+  }
+}
+
+TEST_CASE("picture check: up to four pictures in turn are frozen, five are not") {
+  for (int ring = 2; ring <= 5; ++ring) {
+    PictureCheck check;
+    for (int frame = 0; frame < 40; ++frame) {
+      const PictureFault fault = check.look(Picture(100, 1 + static_cast<std::uint64_t>(frame % ring)).view());
+      CHECK((fault == PictureFault::kFrozen) == (ring <= 4 && frame >= ring + 4));
+    }
   }
 }
 
