@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "firmware/input_error.h"
+#include "firmware/vision/aruco_compat.h"
 #include "firmware/vision/edge_corners.h"
 
 namespace finsight {

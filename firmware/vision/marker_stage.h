@@ -2,8 +2,8 @@
 #pragma once
 
 #include "firmware/model/model.h"
-#include "firmware/vision/aruco_compat.h"
 #include "firmware/vision/camera_model.h"
+#include "firmware/vision/marker_detector.h"
 
 namespace finsight {
 

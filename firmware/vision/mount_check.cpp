@@ -1,8 +1,9 @@
 #include "firmware/vision/mount_check.h"
-#include "firmware/plate_motion.h"
 
 #include <Eigen/QR>
 #include <algorithm>
+
+#include "firmware/plate_motion.h"
 
 namespace finsight {
 namespace {

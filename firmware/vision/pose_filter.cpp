@@ -1,7 +1,8 @@
 #include "firmware/vision/pose_filter.h"
-#include "firmware/plate_motion.h"
 
 #include <cmath>
+
+#include "firmware/plate_motion.h"
 
 namespace finsight {
 

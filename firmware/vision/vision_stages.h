@@ -1,5 +1,5 @@
 // Frame -> MarkerCorners -> PlatePoses. The only folder of the firmware that uses OpenCV, and only in
-// aruco_compat.cpp.
+// aruco_compat.cpp and marker_detector.cpp.
 #pragma once
 
 #include "firmware/vision/marker_stage.h"

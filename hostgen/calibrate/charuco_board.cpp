@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "firmware/input_error.h"
+#include "firmware/vision/aruco_compat.h"
 #include "hostgen/statistics.h"
 
 namespace finsight::host {

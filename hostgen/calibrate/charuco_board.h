@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "firmware/types.h"
-#include "firmware/vision/aruco_compat.h"
+#include "firmware/vision/marker_detector.h"
 #include "hostgen/calibrate/grey_picture.h"
 
 namespace finsight::host {
@@ -52,7 +52,7 @@ class BoardFinder {
 
  private:
   CharucoBoard board_;
-  MarkerDetector detector_;
+  MarkerDetector detector_{{.noisy_edges = 1, .edges = 1, .squares = 4096}};  // a board is all squares, and nobody waits
 };
 
 }  // namespace finsight::host

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "firmware/vision/aruco_compat.h"
 #include "firmware/vision/vision_stages.h"
 #include "hostgen/finger/plate_geometry.h"
 #include "hostgen/finger/plate_motion.h"

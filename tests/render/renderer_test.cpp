@@ -6,6 +6,7 @@
 #include <numeric>
 #include <opencv2/calib3d.hpp>
 
+#include "firmware/vision/aruco_compat.h"
 #include "firmware/vision/vision_stages.h"
 
 using namespace finsight;

@@ -1,0 +1,243 @@
+#include "firmware/vision/marker_detector.h"
+
+#include <algorithm>
+#include <exception>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <tuple>
+
+#include "firmware/vision/aruco_compat.h"
+
+namespace finsight {
+namespace {
+
+// Lengths are pixels of the searched picture.
+
+// Local threshold: a window wider than one module (4 ... 12 pixels here) keeps the black border one solid ring. Two
+// windows, because the markers' distances from the camera differ by a factor of two.
+constexpr int kWindows[] = {11, 23};
+constexpr double kDarker = 7;       // grey levels below the local mean: above the noise, far below the ink's contrast
+constexpr double kStraight = 0.04;  // of the perimeter: 16 % of a side, so blurred and bent sides stay four
+constexpr float kShortestSide = 0.08F;  // of the perimeter: no side shorter than a third of the mean side
+constexpr int kFromBorder = 2;          // the corners' refinement needs pixels outside the square
+// A contour has as many points as its longer extents have pixels: for a square on its corner, this much of its length.
+constexpr float kPointsPerLength = 0.7F;
+constexpr int kModules = 6, kSamples = 3;  // along a side; along a module, its outer quarters left out
+constexpr double kLeastContrast = 8;       // standard deviation, grey levels; less than that is no marker
+constexpr int kWhiteInBorder = 1;          // of 20 border modules, one may be dirty
+// The white margin of a marker is a square too, one module (0.059 of the perimeter) outside the black one.
+constexpr float kSamePlace = 1.0F / 16;  // of the perimeter
+
+using Corners = std::array<cv::Point2f, 4>;
+
+struct Square {
+  Corners corners;  ///< clockwise
+  float perimeter;
+};
+
+/// How a marker reads with its corner `first` at the top left: 16 modules, row by row.
+struct KnownCode {
+  std::uint16_t code;
+  int id;
+  std::size_t first;
+};
+
+std::vector<KnownCode> known_codes() {
+  std::vector<KnownCode> codes;
+  for (int id = 0; id < kDictionaryMarkers; ++id) {
+    std::array<std::uint8_t, 36> modules = marker_modules(id);
+    for (std::size_t first = 0; first < 4; ++first) {
+      std::uint16_t code = 0;
+      std::array<std::uint8_t, 36> turned{};
+      for (std::size_t row = 0; row < kModules; ++row) {
+        for (std::size_t column = 0; column < kModules; ++column) {
+          turned[row * kModules + column] = modules[column * kModules + kModules - 1 - row];
+        }
+      }
+      for (std::size_t row = 1; row <= 4; ++row) {
+        for (std::size_t column = 1; column <= 4; ++column) {
+          code = static_cast<std::uint16_t>(code << 1 | modules[row * kModules + column]);
+        }
+      }
+      codes.push_back({code, id, first});
+      modules = turned;
+    }
+  }
+  return codes;
+}
+
+/// 1 where the picture is darker than its surroundings. Gives the share of neighbouring pixels that differ then.
+double threshold(const cv::Mat& picture, int window, cv::Mat& ink, cv::Mat& differs) {
+  cv::adaptiveThreshold(picture, ink, 1, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV, window, kDarker);
+  cv::bitwise_xor(ink.colRange(1, ink.cols), ink.colRange(0, ink.cols - 1), differs);
+  int edges = cv::countNonZero(differs);
+  cv::bitwise_xor(ink.rowRange(1, ink.rows), ink.rowRange(0, ink.rows - 1), differs);
+  edges += cv::countNonZero(differs);
+  return edges / (2.0 * static_cast<double>(ink.total()));
+}
+
+/// The square whose outline a contour is.
+std::optional<Square> square_of(const std::vector<cv::Point>& contour, const SideLimits& sides, const cv::Size& size,
+                                std::vector<cv::Point>& polygon) {
+  const auto points = static_cast<float>(contour.size());
+  if (!(points >= kPointsPerLength * 4 * sides.smallest_px && points <= 4 * sides.largest_px)) return std::nullopt;
+  cv::approxPolyDP(contour, polygon, kStraight * static_cast<double>(points), true);
+  if (polygon.size() != 4 || !cv::isContourConvex(polygon)) return std::nullopt;
+  const cv::Point across = polygon[1] - polygon[0], along = polygon[3] - polygon[0];
+  if (across.cross(along) < 0) std::swap(polygon[1], polygon[3]);
+  Square square{{}, 0};
+  float shortest = points;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const cv::Point& corner = polygon[k];
+    if (corner.x < kFromBorder || corner.y < kFromBorder || corner.x >= size.width - kFromBorder ||
+        corner.y >= size.height - kFromBorder) {
+      return std::nullopt;
+    }
+    const auto side = static_cast<float>(cv::norm(polygon[(k + 1) % 4] - corner));
+    shortest = std::min(shortest, side);
+    square.perimeter += side;
+    square.corners[k] = corner;
+  }
+  const bool fits = square.perimeter >= 4 * sides.smallest_px && square.perimeter <= 4 * sides.largest_px;
+  return fits && shortest >= kShortestSide * points ? std::optional(square) : std::nullopt;
+}
+
+/// The code in a square, read from its own top left; nothing without contrast or a black border.
+std::optional<std::uint16_t> read_code(const cv::Mat& picture, const Corners& corners) {
+  constexpr int kSide = kModules * kSamples;
+  const cv::Point2f modules[] = {{0, 0}, {kModules, 0}, {kModules, kModules}, {0, kModules}};
+  const cv::Matx33d H = cv::getPerspectiveTransform(modules, corners.data());
+  std::array<std::uint8_t, kSide * kSide> samples;
+  for (int i = 0; i < kSide * kSide; ++i) {
+    const auto middle = [](int sample) { return sample / kSamples + (sample % kSamples + 1) / (kSamples + 1.0); };
+    const cv::Vec3d at = H * cv::Vec3d(middle(i % kSide), middle(i / kSide), 1);
+    const int x = std::clamp(cvRound(at[0] / at[2]), 0, picture.cols - 1);
+    const int y = std::clamp(cvRound(at[1] / at[2]), 0, picture.rows - 1);
+    samples[static_cast<std::size_t>(i)] = picture.at<std::uint8_t>(y, x);
+  }
+  cv::Mat grey(kSide, kSide, CV_8UC1, samples.data());
+  cv::Scalar mean, deviation;
+  cv::meanStdDev(grey, mean, deviation);
+  if (deviation[0] < kLeastContrast) return std::nullopt;
+  cv::threshold(grey, grey, 0, 1, cv::THRESH_BINARY | cv::THRESH_OTSU);
+
+  std::uint16_t code = 0;
+  int white_in_border = 0;
+  for (int row = 0; row < kModules; ++row) {
+    for (int column = 0; column < kModules; ++column) {
+      const cv::Rect module(column * kSamples, row * kSamples, kSamples, kSamples);
+      const bool white = 2 * cv::countNonZero(grey(module)) > kSamples * kSamples;
+      if (row > 0 && row + 1 < kModules && column > 0 && column + 1 < kModules) {
+        code = static_cast<std::uint16_t>(code << 1 | white);
+      } else {
+        white_in_border += white;
+      }
+    }
+  }
+  return white_in_border <= kWhiteInBorder ? std::optional(code) : std::nullopt;
+}
+
+Vec2f centre(const FoundMarker& marker) {
+  return (marker.corners_px[0] + marker.corners_px[1] + marker.corners_px[2] + marker.corners_px[3]) / 4;
+}
+
+float perimeter(const FoundMarker& marker) {
+  float sum = 0;
+  for (std::size_t k = 0; k < 4; ++k) sum += (marker.corners_px[(k + 1) % 4] - marker.corners_px[k]).norm();
+  return sum;
+}
+
+/// The same print found twice (by both thresholds, or inner and outer edge of its border) counts once: the larger.
+void add_once(const FoundMarker& marker, std::vector<FoundMarker>& found) {
+  for (FoundMarker& other : found) {
+    if (other.id != marker.id || (centre(other) - centre(marker)).norm() > perimeter(marker) * kSamePlace) continue;
+    if (perimeter(marker) > perimeter(other)) other = marker;
+    return;
+  }
+  found.push_back(marker);
+}
+
+}  // namespace
+
+struct MarkerDetector::Workspace {
+  const std::vector<KnownCode> codes = known_codes();
+  cv::Mat reduced, smooth, ink, differs;
+  std::vector<std::vector<cv::Point>> contours;
+  std::vector<cv::Point> polygon;
+  std::vector<Square> squares;
+};
+
+MarkerDetector::MarkerDetector(const SearchLimits& limits)
+    : limits_(limits), workspace_(std::make_unique<Workspace>()) {
+  // One thread: the other cores belong to the server and the recorder, and waking a pool takes longer than a window.
+  cv::setNumThreads(1);
+  cv::redirectError([](int, const char*, const char*, const char*, int, void*) { return 0; });
+}
+
+MarkerDetector::~MarkerDetector() = default;
+MarkerDetector::MarkerDetector(MarkerDetector&&) noexcept = default;
+MarkerDetector& MarkerDetector::operator=(MarkerDetector&&) noexcept = default;
+
+const std::vector<FoundMarker>& MarkerDetector::find(const GreyView& picture, int shrink, const SideLimits& sides) {
+  found_.clear();
+  squares_read_ = 0;
+  try {
+    search(picture, shrink, sides);
+  } catch (const std::exception&) {
+    found_.clear();
+  }
+  return found_;
+}
+
+void MarkerDetector::search(const GreyView& picture, int shrink, const SideLimits& sides) {
+  Workspace& w = *workspace_;
+  // OpenCV takes no pointer to constant pixels, though it only reads them.
+  const cv::Mat whole(picture.height_px, picture.width_px, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
+                      static_cast<std::size_t>(picture.stride_bytes));
+  cv::Mat searched = whole;
+  if (shrink > 1) {
+    const cv::Size size(picture.width_px / shrink, picture.height_px / shrink);
+    cv::resize(whole(cv::Rect(0, 0, size.width * shrink, size.height * shrink)), w.reduced, size, 0, 0, cv::INTER_AREA);
+    searched = w.reduced;
+  }
+  w.squares.clear();
+  const auto scale = static_cast<float>(shrink);
+  const SideLimits here{sides.smallest_px / scale, sides.largest_px / scale};
+  for (const int window : kWindows) {
+    double edges = threshold(searched, window, w.ink, w.differs);
+    if (edges > static_cast<double>(limits_.noisy_edges)) {
+      // Noise makes contours everywhere; a mean over less than a module takes most of it away and no edge.
+      cv::blur(searched, w.smooth, {3, 3});
+      edges = threshold(w.smooth, window, w.ink, w.differs);
+    }
+    if (edges > static_cast<double>(limits_.edges)) continue;
+    cv::findContours(w.ink, w.contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
+    for (const auto& contour : w.contours) {
+      if (const auto square = square_of(contour, here, w.ink.size(), w.polygon)) w.squares.push_back(*square);
+    }
+  }
+  const auto larger = [](const Square& a, const Square& b) {
+    const auto key = [](const Square& s) { return std::tuple(-s.perimeter, s.corners[0].y, s.corners[0].x); };
+    return key(a) < key(b);
+  };
+  std::sort(w.squares.begin(), w.squares.end(), larger);
+  squares_read_ = std::min(static_cast<int>(w.squares.size()), limits_.squares);
+
+  for (int i = 0; i < squares_read_; ++i) {
+    const Corners& corners = w.squares[static_cast<std::size_t>(i)].corners;
+    const std::optional<std::uint16_t> code = read_code(searched, corners);
+    if (!code) continue;
+    const auto known =
+        std::find_if(w.codes.begin(), w.codes.end(), [&](const KnownCode& k) { return k.code == *code; });
+    if (known == w.codes.end()) continue;
+    FoundMarker marker{known->id, {}};
+    const float shift = (scale - 1) / 2;  // centre of a reduced pixel
+    for (std::size_t k = 0; k < 4; ++k) {
+      marker.corners_px[(k + known->first) % 4] = Vec2f(corners[k].x * scale + shift, corners[k].y * scale + shift);
+    }
+    add_once(marker, found_);
+  }
+}
+
+}  // namespace finsight

@@ -1,0 +1,61 @@
+// Squares with a code of DICT_4X4_50 in a picture, the same with every OpenCV, in bounded time.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "firmware/types.h"
+#include "firmware/vision/grey_view.h"
+
+namespace finsight {
+
+struct FoundMarker {
+  int id = 0;
+  std::array<Vec2f, 4> corners_px;  ///< clockwise from the marker's own top left corner; good to about `shrink` pixels
+};
+
+/// Sides of a marker in the picture, in pixels: squares outside these limits are not looked at.
+struct SideLimits {
+  float smallest_px = 0, largest_px = 0;
+};
+
+/// What bounds a search's time in pictures of anything. Edges are those of the thresholded picture, per pixel: three
+/// markers have 0.01, a window around a small one 0.1, noise 0.15 to 0.5.
+struct SearchLimits {
+  float noisy_edges = 0.05F;  ///< above, the picture is smoothed before it is searched
+  float edges = 0.15F;        ///< above, with that, it is not searched
+  int squares = 128;          ///< whose codes are read, the largest first; a finger has about 10
+};
+
+/// OpenCV's own detector is not used: its time grows with the square of the candidates, and versions differ in what
+/// they find. This one is its way (S. Garrido-Jurado et al., Automatic generation and detection of highly reliable
+/// fiducial markers under occlusion, 2014) from OpenCV's parts.
+class MarkerDetector {
+ public:
+  /// Keeps OpenCV to the calling thread and its messages off stderr, for the whole process.
+  explicit MarkerDetector(const SearchLimits& limits = {});
+  ~MarkerDetector();
+  MarkerDetector(MarkerDetector&&) noexcept;
+  MarkerDetector& operator=(MarkerDetector&&) noexcept;
+
+  /// Searches `picture`, reduced `shrink` times each way (1 searches it as it is), for markers whose code is read
+  /// without a single wrong bit. A marker whose square is found by several thresholds is listed once; the same id at
+  /// two places is listed twice. Allocates, as OpenCV does. Whatever OpenCV objects to gives an empty list. The list is
+  /// valid until the next call.
+  const std::vector<FoundMarker>& find(const GreyView& picture, int shrink, const SideLimits& sides);
+
+  /// Squares whose codes the last find() read; at most limits.squares.
+  int squares_read() const { return squares_read_; }
+
+ private:
+  struct Workspace;
+  void search(const GreyView& picture, int shrink, const SideLimits& sides);
+
+  SearchLimits limits_;
+  std::unique_ptr<Workspace> workspace_;
+  std::vector<FoundMarker> found_;
+  int squares_read_ = 0;
+};
+
+}  // namespace finsight
