@@ -305,7 +305,8 @@ void ElasticBody::times_tangent(std::span<const double> u, std::span<const doubl
         t += A[i][i];
       }
       const Pack along = state.v() * t - (2.0 / 3) * state.c * F_D, with_F = (2.0 / 3) * state.c * t;
-      Pack M[3][3], dP[3][3];  // what F^-T is multiplied by
+      Pack M[3][3];  // what F^-T is multiplied by
+      Pack dP[3][3];
       for (std::size_t i = 0; i < 3; ++i) {
         for (std::size_t j = 0; j < 3; ++j) M[i][j] = -state.b * (A[i][j] + A[j][i]);
         M[i][i] += along;

@@ -113,7 +113,7 @@ void read_place(TomlTable& entry, FingerSpec& spec, int index, SurfaceSource* so
     return;
   }
   PlateBox& box = source->plates[index];
-  box.box_mm = read_box(entry.table("box"), std::string("plates.") + kPlateNames[index] + ".box", *source);
+  box.box_mm = read_box(entry.table("box"), box_field(index), *source);
   const std::string joined = entry.choice("joined", {"-x", "+x", "-y", "+y", "-z", "+z"}, "+y");
   box.axis = joined[1] - 'x';
   box.side = joined[0] == '+' ? 1 : -1;

@@ -42,8 +42,6 @@ void check_size(const TriangleSurface& surface, const SurfaceSource& source) {
       "a finger of 20 to 1000 mm" + guess.str() + (guess.str().empty() ? "" : "? Say so as surface.units"));
 }
 
-std::string box_field(int plate) { return std::string("plates.") + kPlateNames[plate] + ".box"; }
-
 /// The box around the faces that the file has under a name.
 AlignedBox3d labelled_box(const TriangleSurface& surface, const std::string& label, const SurfaceSource& source,
                           const std::string& spec, const std::string& field) {
@@ -113,6 +111,8 @@ Surface SurfaceFinger::tetgen_input() const {
   input.facets.insert(input.facets.end(), joints.begin(), joints.end());
   return input;
 }
+
+std::string box_field(int plate) { return std::string("plates.") + kPlateNames[plate] + ".box"; }
 
 SurfaceFinger read_surface_finger(SurfaceSource as_written, const std::filesystem::path& spec_file) {
   const std::string spec = spec_file.string();

@@ -37,6 +37,9 @@ struct SurfaceFinger {
   Surface tetgen_input() const;
 };
 
+/// The spec's field of a plate's box.
+std::string box_field(int plate);
+
 /// Reads and checks the surface. Throws InputError, naming the surface's file or the field of `spec_file`.
 SurfaceFinger read_surface_finger(SurfaceSource source, const std::filesystem::path& spec_file);
 

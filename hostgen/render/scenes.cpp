@@ -1,9 +1,10 @@
 #include "hostgen/render/scenes.h"
-#include "firmware/plate_motion.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+
+#include "firmware/plate_motion.h"
 
 namespace finsight::host {
 

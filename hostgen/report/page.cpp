@@ -154,8 +154,7 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   out << "<img src=\"recordings.svg\" alt=\"contact points, rotations and motions of the recordings\">\n";
   add_section(all, "force", "Contact forces", out);
   out << "<p>From plate motions with the spec's noise. front_mm: mean distance of the front face's nodes from the "
-         "truth. "
-         "reach_mm: how far away the least certain contact could as well be (95 %).</p>\n";
+         "truth. reach_mm: how far away the least certain contact could as well be (95 %).</p>\n";
   add_table(all["force"].value("cases", json()),
             {"touch", "force_n", "contacts", "front_mm", "force_error_n", "reach_mm", "truth_within_doubt",
              "gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "lbfgs_force_n"},
