@@ -15,6 +15,7 @@
 #include <chrono>
 #include <system_error>
 #include <thread>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -32,6 +33,7 @@ constexpr std::size_t kLargestFrame = kHeader + kLargestPdu;
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kFrameLimit_ns = 3 * kSecond_ns;  // a frame arrives whole within this, or its client is closed
+constexpr std::int64_t kQuiet_ns = 2 * kSecond_ns;  // who asked nothing for this long may lose the place to a newcomer
 constexpr std::int64_t kAcceptRest_ns = kSecond_ns / 2;  // after accept() found no descriptor or memory
 constexpr int kTick_ms = 500;                            // how often overdue clients are looked for
 constexpr int kAcceptsPerTurn = 8;
@@ -51,7 +53,7 @@ class Descriptor {
   ~Descriptor() { close(); }
   Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
+    std::swap(fd_, other.fd_);  // the other closes ours
     return *this;
   }
   void close() {
@@ -67,7 +69,9 @@ class Descriptor {
 struct Client {
   Descriptor socket;
   std::int64_t deadline_ns = 0;  ///< closed when this passes before the next whole frame
-  std::size_t used = 0;          ///< bytes of `frame` that have arrived
+  std::int64_t active_ns = 0;    ///< when it came or last asked
+  bool has_asked = false;
+  std::size_t used = 0;  ///< bytes of `frame` that have arrived
   ClientAccess access;
   std::array<std::uint8_t, kLargestFrame> frame;
 
@@ -176,14 +180,27 @@ struct ModbusServer::Impl {
       }
       const std::uint32_t address = ntohl(from.sin_addr.s_addr);
       if (!is_listed(settings.allow, address)) continue;  // closed at once
-      const auto free =
-          std::find_if(clients.begin(), clients.end(), [](const Client& c) { return !c.socket.is_open(); });
-      if (free == clients.end()) continue;  // one too many: closed at once
-      free->socket = std::move(socket);
-      free->used = 0;
-      free->access = {.may_write = is_listed(settings.allow_writes, address), .address = address};
-      free->deadline_ns = now_ns() + idle_limit_ns;
+      const std::int64_t accepted_ns = now_ns();
+      Client* const place = place_for_newcomer(accepted_ns);
+      if (!place) continue;               // one too many: closed at once
+      place->socket = std::move(socket);  // and with it goes who had the place
+      place->used = 0;
+      place->access = {.may_write = is_listed(settings.allow_writes, address), .address = address};
+      place->deadline_ns = accepted_ns + idle_limit_ns;
+      place->active_ns = accepted_ns;
+      place->has_asked = false;
     }
+  }
+
+  /// One that is free, or else that of the client which has been quiet longest, if that is long; who never asked
+  /// anything goes first (Modbus Messaging on TCP/IP V1.0b, section 4.2.1.1: the oldest unused connection is closed).
+  Client* place_for_newcomer(std::int64_t time_ns) {
+    const auto dispensable = [](const Client& a, const Client& b) {
+      const auto key = [](const Client& c) { return std::tuple(c.socket.is_open(), c.has_asked, c.active_ns); };
+      return key(a) < key(b);
+    };
+    Client& place = *std::min_element(clients.begin(), clients.end(), dispensable);
+    return place.socket.is_open() && time_ns - place.active_ns < kQuiet_ns ? nullptr : &place;
   }
 
   /// Reads what is missing of one frame, never more, and answers it when it is whole. False: the connection is over.
@@ -199,7 +216,9 @@ struct ModbusServer::Impl {
     }
     const bool answered = answer(client);
     client.used = 0;
-    client.deadline_ns = now_ns() + idle_limit_ns;
+    client.active_ns = now_ns();
+    client.has_asked = true;
+    client.deadline_ns = client.active_ns + idle_limit_ns;
     return answered;
   }
 
