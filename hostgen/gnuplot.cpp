@@ -1,16 +1,21 @@
 #include "hostgen/gnuplot.h"
 
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <stdexcept>
 
 namespace finsight::host {
 
 Gnuplot::Gnuplot(const std::filesystem::path& svg)
     : target_(svg), temporary_(svg.string() + ".part" + std::to_string(getpid())), pipe_(popen("gnuplot", "w")) {
+  std::signal(SIGPIPE, SIG_IGN);  // its end is heard of in finish()
   if (!pipe_) throw std::runtime_error("gnuplot cannot be started");
   line("set terminal svg size 900,520 dynamic background '#ffffff' font 'sans-serif,13'");
-  line("set output '" + temporary_.string() + "'");
+  std::string quoted = "'";
+  for (const char c : temporary_.string()) quoted += c == '\'' ? "''" : std::string(1, c);
+  line("set output " + quoted + "'");
 }
 
 Gnuplot::~Gnuplot() {
@@ -25,6 +30,7 @@ void Gnuplot::finish() {
   line("unset output");
   const int status = pclose(pipe_);
   pipe_ = nullptr;
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 127) throw std::runtime_error("gnuplot is not installed");
   if (status != 0) throw std::runtime_error("gnuplot failed on " + target_.string());
   std::filesystem::rename(temporary_, target_);
 }

@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <opencv2/core.hpp>
+#include <set>
+#include <sstream>
 #include <vector>
 
 #include "firmware/input_error.h"
@@ -15,6 +18,7 @@ namespace {
 constexpr const char* kHeader =
     "recording,frame,marker_tx_mm,marker_ty_mm,marker_tz_mm,marker_qx,marker_qy,marker_qz,marker_qw,touch_x_mm,"
     "touch_y_mm,touch_z_mm,surface_node\n";
+constexpr double kLargest = 1e4;  // mm; nothing of a finger is that far away
 constexpr std::array<const char*, 3> kMarkers = {"bc_top", "bc_bot1", "bc_bot2"};
 
 std::vector<std::filesystem::path> files_of(const std::filesystem::path& folder) {
@@ -29,18 +33,29 @@ std::vector<std::filesystem::path> files_of(const std::filesystem::path& folder)
   return files;
 }
 
+std::string shown(double value) {
+  std::ostringstream text;
+  text << value;
+  return text.str();
+}
+
 // One recording's points, each checked.
 class Reader {
  public:
   explicit Reader(std::filesystem::path file) : file_(std::move(file)) {
     name_ = file_.stem().string();
     std::erase(name_, ':');
+    if (name_.find_first_of(",\"\r\n") != std::string::npos) {
+      throw InputError(file_.string(), "file name", "a comma, quote or line break", "a name that fits in a CSV");
+    }
     try {
       storage_.open(read_file(file_), cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
     } catch (const cv::Exception& error) {
       throw InputError(file_.string(), "is not OpenCV YAML: " + error.err);
     }
   }
+
+  const std::string& name() const { return name_; }
 
   void append_to(PublishedFiles& result) {
     const cv::FileNode points = storage_["points"];
@@ -70,6 +85,7 @@ class Reader {
       const cv::FileNode value = list[static_cast<int>(i)];
       if (!value.isReal() && !value.isInt()) refuse("something else than numbers");
       values[i] = static_cast<double>(value);
+      if (!(std::abs(values[i]) < kLargest)) refuse(shown(values[i]));
     }
     return values;
   }
@@ -106,9 +122,14 @@ PublishedFiles convert_published_files(const std::filesystem::path& folder) {
   PublishedFiles result;
   result.csv = kHeader;
   Progress progress("recordings", files.size());
+  std::set<std::string> names;
   for (const std::filesystem::path& file : files) {
     if (interrupted()) throw Interrupted();
-    Reader(file).append_to(result);
+    Reader reader(file);
+    if (!names.insert(reader.name()).second) {
+      throw InputError(file.string(), "file name", "a second recording \"" + reader.name() + "\"", "a name of its own");
+    }
+    reader.append_to(result);
     progress.advance();
   }
   return result;

@@ -90,6 +90,9 @@ TEST_CASE("published files: what is wrong is said with file, point and field") {
       {file_of(point("1.", kSame), 2), "number_of_points: found 2, expected the number of points, 1"},
       {file_of(short_list, 1), "point 0, gt_point: found 2 entries, expected 3 numbers"},
       {file_of(point("one", kSame), 1), "point 0, gt_point: found something else than numbers"},
+      {file_of(point(".Nan", kSame), 1), "nan, expected 3 numbers"},
+      {file_of(point("1e300", kSame), 1), "point 0, gt_point: found 1e+300, expected 3 numbers"},
+      {file_of(point("1.", "-.Inf"), 1), "point 0, bc_bot2: found -inf, expected 7 numbers"},
       {file_of(point("1.", kSame) + no_node, 2), "point 1, surface_node: found none"},
   };
   for (const Case& one : cases) {
@@ -99,6 +102,17 @@ TEST_CASE("published files: what is wrong is said with file, point and field") {
     CAPTURE(said);
     CHECK(said.find(one.said) != std::string::npos);
     CHECK(said.find("a.yml") != std::string::npos);
+  }
+  {
+    const Folder odd;
+    odd.write("a,b.yml", file_of(point("1.", kSame), 1));
+    CHECK(refusal(odd.path).find("a,b.yml: file name: found a comma") != std::string::npos);
+  }
+  {
+    const Folder twice;
+    twice.write("16:20.yml", file_of(point("1.", kSame), 1));
+    twice.write("1620.yaml", file_of(point("1.", kSame), 1));
+    CHECK(refusal(twice.path).find("a second recording \"1620\"") != std::string::npos);
   }
   const Folder empty;
   CHECK(refusal(empty.path).find("no .yml file") != std::string::npos);
