@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -82,8 +83,12 @@ std::optional<CameraModel> lens_of(const Settings& settings, const Model& model)
   if (settings.source == Settings::Source::kCamera) return settings.lens;
   if (settings.source == Settings::Source::kPoses) return std::nullopt;
   const SessionInfo info = read_session_info(settings.replay.path);
-  if (info.marker_id != model.mount.marker_id) {
-    throw InputError((settings.replay.path / "session.toml").string(), "marker ids are not those of the model pack");
+  const std::string file = (settings.replay.path / kSessionInfo).string();
+  if (info.marker_id != model.mount.marker_id) throw InputError(file, "marker ids are not those of the model pack");
+  const auto size_mm = static_cast<double>(model.mount.marker_size_mm);
+  if (std::abs(info.marker_size_mm - size_mm) > 0.001 * size_mm) {
+    throw InputError(file, "markers.size_mm", std::to_string(info.marker_size_mm),
+                     std::to_string(size_mm) + ", as in the model pack");
   }
   return camera_of(info);
 }

@@ -157,6 +157,8 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 void run(const Options& options) {
   const Profile profile = chosen_profile(options);
+  check_writable(options.output);
+  if (!options.save_dataset.empty()) check_writable(options.save_dataset);
   Parts parts;
   parts.spec = read_finger_spec(options.spec);
   const TetMesh mesh = make_mesh(parts.spec);

@@ -122,6 +122,17 @@ void write_file_atomically(const std::filesystem::path& file, const std::string&
   write_file_atomically(file, std::as_bytes(std::span(text)));
 }
 
+void check_writable(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file)) throw InputError(file.string(), "is a folder, expected a file to write");
+  const std::filesystem::path probe = file.string() + ".probe" + std::to_string(getpid());
+  try {
+    write_file_atomically(probe, std::string());
+  } catch (const std::system_error& error) {
+    throw std::system_error(error.code(), file.string() + ": cannot be written");
+  }
+  std::filesystem::remove(probe);
+}
+
 std::string read_file(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in) throw InputError(file.string(), "cannot be opened");

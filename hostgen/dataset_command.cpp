@@ -5,6 +5,7 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/commands.h"
+#include "hostgen/common.h"
 #include "hostgen/fem/dataset.h"
 #include "hostgen/fem/deformation.h"
 
@@ -40,6 +41,7 @@ void run(const Options& options) {
   if (shard.count > options.plan.points) {
     throw InputError("command line", "--shard", options.shard, "at most one shard per point");
   }
+  check_writable(options.output);
   const std::filesystem::path resume = options.output.string() + ".paths";
   const TetMesh mesh = make_mesh(spec);
   const FemDataset dataset = make_dataset(spec, mesh, options.plan, shard, resume);

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -161,6 +162,7 @@ void print_summary(const std::vector<FemState>& states, const Options& options) 
 }
 
 void run(const Options& options) {
+  if (!std::isfinite(options.seconds)) throw InputError("command line", "--seconds", "not a number", "0.1 ... 600");
   const FingerSpec spec = read_finger_spec(options.spec);
   const CameraIntrinsics& camera = spec.cameras[kCameraOfSize.at(options.size)];
   PendingFolder folder(options.output);

@@ -119,7 +119,7 @@ TEST_CASE("board files: a camera that cannot be is refused with line and key") {
              "exposure_us"));
   CHECK(says(refusal(with(kCamera, "camera = \"Finger\"", "path = \"x\"")), "path"));
   CHECK(says(refusal(with(kCamera, "[400, 401", "[0, 401")), "fx_fy_cx_cy"));
-  CHECK(says(refusal(with(kCamera, "320, 240]", "3200, 240]")), ".toml:8"));
+  CHECK(says(refusal(with(kCamera, "320, 240]", "3200, 240]")), "an optical axis at (3200, 240) px"));
   CHECK(says(refusal(with(kCamera, "[source.lens]", "[source.lense]")), "lens"));
 }
 

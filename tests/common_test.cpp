@@ -55,6 +55,15 @@ TEST_CASE("common: a file that cannot be written leaves the old one and no rest"
   CHECK_THROWS_AS(host::write_file_atomically(folder / "file/below", std::string("x")), std::system_error);
 }
 
+TEST_CASE("common: whether a file can be written is known before the work, and nothing stays of the question") {
+  const ScratchFolder folder;
+  host::check_writable(folder / "new" / "pack");
+  CHECK(std::filesystem::is_empty(folder / "new"));
+  CHECK_THROWS_AS(host::check_writable(folder / "new"), InputError);
+  host::write_file_atomically(folder / "file", std::string("no folder"));
+  CHECK_THROWS(host::check_writable(folder / "file" / "pack"));
+}
+
 TEST_CASE("common: a file that cannot be read is bad input") {
   const ScratchFolder folder;
   CHECK_THROWS_WITH_AS(host::read_file(folder / "missing"), doctest::Contains("missing: "), InputError);

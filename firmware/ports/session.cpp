@@ -57,6 +57,11 @@ void read_lens(TomlTable table, SessionInfo& info) {
     throw InputError(table.where("fx_fy_cx_cy"), "fx_fy_cx_cy", shortest(std::min(pinhole[0], pinhole[1])),
                      "focal lengths above 0 pixels");
   }
+  if (!(pinhole[2] >= 0 && pinhole[2] < info.width_px && pinhole[3] >= 0 && pinhole[3] < info.height_px)) {
+    throw InputError(table.where("fx_fy_cx_cy"), "fx_fy_cx_cy",
+                     "an optical axis at (" + shortest(pinhole[2]) + ", " + shortest(pinhole[3]) + ") px",
+                     "a point in the picture");
+  }
   std::copy(pinhole.begin(), pinhole.end(), info.fx_fy_cx_cy.begin());
   const std::vector<double> lens = table.numbers("k1_k2_p1_p2_k3", 5, -100, 100);
   std::copy(lens.begin(), lens.end(), info.k1_k2_p1_p2_k3.begin());

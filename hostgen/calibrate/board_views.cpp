@@ -76,7 +76,10 @@ void add_frames(const fs::path& file, int every, BoardFinder& finder, std::vecto
         if (!reader.skip()) return;
         continue;
       }
-      if (!reader.next(grey)) return;
+      if (!reader.next(grey)) {
+        if (frame == 0) throw InputError(file.string(), "frames", "none", "one or more");
+        return;
+      }
       const GreyView picture{grey.data(), reader.width_px(), reader.height_px(), reader.width_px()};
       views.push_back(view_of(name + " " + std::to_string(frame), picture, finder));
       progress.advance();
@@ -108,7 +111,7 @@ bool lies_on_a_line(const CharucoBoard& board, const std::vector<int>& ids) {
 std::string fault_of(const CharucoBoard& board, const BoardSight& sight) {
   const std::string corners = std::to_string(sight.id.size()) + " corners";
   if (sight.markers == 0) return "no board";
-  if (sight.id.empty() && sight.markers >= 4) {
+  if (sight.id.empty() && sight.meetings >= 4) {
     return std::to_string(sight.markers) + " markers, but not as on a board of " + std::to_string(board.columns) + "x" +
            std::to_string(board.rows) + " squares";
   }

@@ -65,19 +65,21 @@ std::map<int, FoundMarker> find_markers(MarkerDetector& detector, const GreyView
   return markers;
 }
 
-/// Where an inner corner is and how far it is to the next: by the two markers that meet there.
+/// Where an inner corner is and how far it is to the next: by the two markers that meet there, if they agree.
 struct Prediction {
   Eigen::Vector2d at_px;
   double side_px, shortest_px;
 };
 
-std::optional<Prediction> predict(const CharucoBoard& board, const std::map<int, SeenMarker>& seen, int id) {
+std::optional<Prediction> predict(const CharucoBoard& board, const std::map<int, SeenMarker>& seen, int id,
+                                  int& meetings) {
   const Eigen::Vector2d corner = board.corner(id);
   const int column = static_cast<int>(corner.x()), row = static_cast<int>(corner.y());
   const int left = CharucoBoard::is_white(column - 1, row - 1) ? row - 1 : row;  // the white squares lie diagonally
   const auto a = seen.find(board.marker(column - 1, left));
   const auto b = seen.find(board.marker(column, left == row ? row - 1 : row));
   if (a == seen.end() || b == seen.end()) return std::nullopt;
+  ++meetings;
   const Eigen::Vector2d by_a = a->second.pixel(corner), by_b = b->second.pixel(corner);
   const double side_px = (a->second.side_px + b->second.side_px) / 2;
   constexpr double kAgreement = 0.2;  // of a square: coarse corners and the lens make 0.1 at most
@@ -230,7 +232,7 @@ BoardSight BoardFinder::find(const GreyView& picture) {
   const cv::Mat grey(picture.height_px, picture.width_px, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
                      static_cast<std::size_t>(picture.stride_bytes));
   for (int id = 0; id < board_.corners(); ++id) {
-    const auto predicted = predict(board_, seen, id);
+    const auto predicted = predict(board_, seen, id, sight.meetings);
     const auto corner = predicted ? refine(grey, *predicted) : std::nullopt;
     if (!corner) continue;
     sight.id.push_back(id);

@@ -40,6 +40,7 @@ struct BoardSight {
   std::vector<int> id;           ///< of inner corners
   std::vector<Vec2f> corner_px;  ///< of each
   int markers = 0;               ///< that were read, whether they are where the board has them or not
+  int meetings = 0;              ///< inner corners whose two markers were read
   double square_px = 0;          ///< median side of the squares
   double edge_px = 0;            ///< median width of the squares' edges, upright or level ones, whichever are wider
 };
@@ -52,7 +53,8 @@ class BoardFinder {
 
  private:
   CharucoBoard board_;
-  MarkerDetector detector_{{.noisy_edges = 1, .edges = 1, .squares = 4096}};  // a board is all squares, and nobody waits
+  MarkerDetector detector_{
+      {.noisy_edges = 1, .edges = 1, .squares = 4096}};  // a board is all squares, and nobody waits
 };
 
 }  // namespace finsight::host

@@ -2,6 +2,8 @@
 
 #include <doctest/doctest.h>
 
+#include <fstream>
+
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
 #include "tests/calibrate/board_painter.h"
@@ -98,6 +100,14 @@ TEST_CASE("board views: of a video one frame of so many is looked at, and what w
   CHECK(views.size() == 6);
   CHECK(says(views[5].rejected, "cannot be read: "));
   CHECK(views[4].sight.id.size() == 54);
+}
+
+TEST_CASE("board views: a video without frames is a view that says so") {
+  const test::ScratchFolder folder;
+  std::ofstream(folder / "empty.y4m") << "YUV4MPEG2 W640 H480 F30:1 Ip A1:1 Cmono\n";
+  const std::vector<BoardView> views = read_board_views(folder.path(), kBoard, 1);
+  REQUIRE(views.size() == 1);
+  CHECK(says(views[0].rejected, "frames: found none"));
 }
 
 TEST_CASE("board views: a long video is thinned out until few enough views are left") {

@@ -246,6 +246,7 @@ TEST_CASE("session.toml: what cannot be a session is refused by name") {
       {"[368.025,", "[-368.025,", "fx_fy_cx_cy"},
       {"[368.025,", "[inf,", "fx_fy_cx_cy"},
       {"[368.025,", "[", "4 numbers"},
+      {"307.815", "640", "a point in the picture"},
       {"DICT_4X4_50", "DICT_6X6_250", "DICT_4X4_50"},
       {"[4, 0, 49]", "[4, 0, 50]", "markers.id"},
       {"[4, 0, 49]", "[4, 0, 4]", "three different whole numbers"},
