@@ -129,9 +129,10 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   parallel_for(runs.size(), [&](std::size_t i) { train(runs[i], spec, prior, plan, seed + 10 * i, progress); });
 
   TouchTraining result;
-  apply(calibrate(random_run.noisy_trials(spec, prior, seed), spec.threshold_mm), random_run.trained->model);
+  const std::vector<TouchTrial> random_raw = random_run.noisy_trials(spec, prior, seed);
+  apply(calibrate(random_raw, spec.threshold_mm), random_run.trained->model);
   result.random_clean = score(random_run.clean_trials(prior), spec.threshold_mm);
-  result.random_noisy = score(random_run.noisy_trials(spec, prior, seed), spec.threshold_mm);
+  result.random_noisy = score(cross_calibrated(random_raw, spec.threshold_mm), spec.threshold_mm);
 
   const std::vector<TouchTrial> raw = points_run.noisy_trials(spec, prior, seed);
   const Calibration calibration = calibrate(raw, spec.threshold_mm);

@@ -78,8 +78,9 @@ struct TouchTrainingPlan {
 /// Three trainings side by side: without a fifth of the states, without a fifth of the contact points, and, for the
 /// model itself, with all. Training touches are drawn from an interpolant of the states that may be seen (see
 /// StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated on the held-out
-/// points, after quantisation, and the final model gets the same factors; the coverage in `held_out_noisy` comes from
-/// calibrating on one half of those points and counting on the other. Same arguments give the same bytes.
+/// points, after quantisation, and the final model gets the same factors; the coverage in `random_noisy` and
+/// `held_out_noisy` comes from calibrating on one half of the tested points and counting on the other. Same arguments
+/// give the same bytes.
 /// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,
                           const TouchTrainingPlan& plan);
