@@ -24,10 +24,10 @@ using BodyVector = PushedFinger::BodyVector;
 constexpr int kNumbers = PlateErrors::kNumbers;
 constexpr Index kMostDirections = 16;  // the other two, in which a finger hardly moves, would take half the time more
 constexpr int kMostFactors = 10, kMostChords = 12;  // of one estimate; with one factor
-constexpr double kChordsPerFactor = 6;              // that take as long. Measured on the default finger: 50 and 8 ms.
+constexpr double kChordsPerFactor = 9;              // that take as long. Measured on the default finger: 36 and 4 ms.
 constexpr double kFirstRate = 0.06;                 // by which a new factor's second step is shorter than its first
 constexpr double kFar_mm = 0.4;       // a step this far bends slender walls so that chords after it would lead astray
-constexpr double kStill_mm = 5e-3;    // no node is further from where the steps lead to
+constexpr double kStill_mm = 2e-2;    // no node is further from where the steps lead to; noise moves it more
 constexpr int kChoices = 3;           // how often convergence may end with other contacts than before
 constexpr double kMostCaution = 100;  // of the first step: as if the noise were ten times itself
 constexpr double kSmallestJ = 0.05;   // volume ratio below which an element is as good as inverted
