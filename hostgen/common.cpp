@@ -123,8 +123,10 @@ void write_file_atomically(const std::filesystem::path& file, const std::string&
 }
 
 void check_writable(const std::filesystem::path& file) {
-  if (std::filesystem::is_directory(file)) throw InputError(file.string(), "is a folder, expected a file to write");
-  const std::filesystem::path probe = file.string() + ".probe" + std::to_string(getpid());
+  if (!file.has_filename() || std::filesystem::is_directory(file)) {
+    throw InputError(file.string(), "is a folder, expected a file to write");
+  }
+  const std::filesystem::path probe = file.parent_path() / (".probe" + std::to_string(getpid()));
   try {
     write_file_atomically(probe, std::string());
   } catch (const std::system_error& error) {

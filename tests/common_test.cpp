@@ -60,6 +60,8 @@ TEST_CASE("common: whether a file can be written is known before the work, and n
   host::check_writable(folder / "new" / "pack");
   CHECK(std::filesystem::is_empty(folder / "new"));
   CHECK_THROWS_AS(host::check_writable(folder / "new"), InputError);
+  CHECK_THROWS_AS(host::check_writable(folder / "other" / ""), InputError);
+  CHECK_FALSE(std::filesystem::exists(folder / "other"));
   host::write_file_atomically(folder / "file", std::string("no folder"));
   CHECK_THROWS(host::check_writable(folder / "file" / "pack"));
 }

@@ -33,7 +33,8 @@ constexpr std::size_t kLargestFrame = kHeader + kLargestPdu;
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr std::int64_t kFrameLimit_ns = 3 * kSecond_ns;  // a frame arrives whole within this, or its client is closed
-constexpr std::int64_t kQuiet_ns = 2 * kSecond_ns;  // who asked nothing for this long may lose the place to a newcomer
+// Who asks nothing for so long may lose the place to a newcomer: who never asked, and who did.
+constexpr std::int64_t kMute_ns = 2 * kSecond_ns, kQuiet_ns = 10 * kSecond_ns;
 constexpr std::int64_t kAcceptRest_ns = kSecond_ns / 2;  // after accept() found no descriptor or memory
 constexpr int kTick_ms = 500;                            // how often overdue clients are looked for
 constexpr int kAcceptsPerTurn = 8;
@@ -192,15 +193,17 @@ struct ModbusServer::Impl {
     }
   }
 
-  /// One that is free, or else that of the client which has been quiet longest, if that is long; who never asked
-  /// anything goes first (Modbus Messaging on TCP/IP V1.0b, section 4.2.1.1: the oldest unused connection is closed).
+  /// One that is free, or else that of a client which has been quiet for long: who never asked goes first, then who was
+  /// quiet longest (Modbus Messaging on TCP/IP V1.0b, section 4.2.1.1: the oldest unused connection is closed).
   Client* place_for_newcomer(std::int64_t time_ns) {
-    const auto dispensable = [](const Client& a, const Client& b) {
-      const auto key = [](const Client& c) { return std::tuple(c.socket.is_open(), c.has_asked, c.active_ns); };
-      return key(a) < key(b);
-    };
-    Client& place = *std::min_element(clients.begin(), clients.end(), dispensable);
-    return place.socket.is_open() && time_ns - place.active_ns < kQuiet_ns ? nullptr : &place;
+    const auto rank = [](const Client& c) { return std::tuple(c.socket.is_open(), c.has_asked, c.active_ns); };
+    Client* place = nullptr;
+    for (Client& client : clients) {
+      const std::int64_t quiet_ns = time_ns - client.active_ns;
+      if (client.socket.is_open() && quiet_ns < (client.has_asked ? kQuiet_ns : kMute_ns)) continue;
+      if (!place || rank(client) < rank(*place)) place = &client;
+    }
+    return place;
   }
 
   /// Reads what is missing of one frame, never more, and answers it when it is whole. False: the connection is over.

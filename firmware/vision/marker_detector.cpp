@@ -23,9 +23,11 @@ constexpr float kShortestSide = 0.08F;  // of the perimeter: no side shorter tha
 constexpr int kFromBorder = 2;          // the corners' refinement needs pixels outside the square
 // A contour has as many points as its longer extents have pixels: for a square on its corner, this much of its length.
 constexpr float kPointsPerLength = 0.7F;
-constexpr int kModules = 6, kSamples = 3;  // along a side; along a module, its outer quarters left out
-constexpr double kLeastContrast = 8;       // standard deviation, grey levels; less than that is no marker
-constexpr int kWhiteInBorder = 1;          // of 20 border modules, one may be dirty
+constexpr int kModules = 6, kSamples = 4;  // along a side; along a module, its outer quarters left out
+// Contours run through the centres of the ink's outermost pixels, inside its edge: by this much in 48 pixels.
+constexpr double kFromContour = 48.0 / 47;
+constexpr double kLeastContrast = 8;  // standard deviation, grey levels; less than that is no marker
+constexpr int kWhiteInBorder = 1;     // of 20 border modules, one may be dirty
 // The white margin of a marker is a square too, one module (0.059 of the perimeter) outside the black one.
 constexpr float kSamePlace = 1.0F / 16;  // of the perimeter
 
@@ -67,14 +69,19 @@ std::vector<KnownCode> known_codes() {
   return codes;
 }
 
-/// 1 where the picture is darker than its surroundings. Gives the share of neighbouring pixels that differ then.
-double threshold(const cv::Mat& picture, int window, cv::Mat& ink, cv::Mat& differs) {
+/// OpenCV takes no pointer to constant pixels, though it only reads them.
+cv::Mat mat_of(const GreyView& picture) {
+  return {picture.height_px, picture.width_px, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
+          static_cast<std::size_t>(picture.stride_bytes)};
+}
+
+/// 1 where the picture is darker than its surroundings. Gives the number of neighbouring pixels that differ then.
+int threshold(const cv::Mat& picture, int window, cv::Mat& ink, cv::Mat& differs) {
   cv::adaptiveThreshold(picture, ink, 1, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV, window, kDarker);
   cv::bitwise_xor(ink.colRange(1, ink.cols), ink.colRange(0, ink.cols - 1), differs);
-  int edges = cv::countNonZero(differs);
+  const int edges = cv::countNonZero(differs);
   cv::bitwise_xor(ink.rowRange(1, ink.rows), ink.rowRange(0, ink.rows - 1), differs);
-  edges += cv::countNonZero(differs);
-  return edges / (2.0 * static_cast<double>(ink.total()));
+  return edges + cv::countNonZero(differs);
 }
 
 /// The square whose outline a contour is.
@@ -103,15 +110,19 @@ std::optional<Square> square_of(const std::vector<cv::Point>& contour, const Sid
   return fits && shortest >= kShortestSide * points ? std::optional(square) : std::nullopt;
 }
 
-/// The code in a square, read from its own top left; nothing without contrast or a black border.
-std::optional<std::uint16_t> read_code(const cv::Mat& picture, const Corners& corners) {
+/// The code in a square, read from its first corner; nothing without contrast or a black border. `spread`: by how much
+/// the square is larger than its corners say.
+std::optional<std::uint16_t> read_code(const cv::Mat& picture, const Corners& corners, double spread) {
   constexpr int kSide = kModules * kSamples;
   const cv::Point2f modules[] = {{0, 0}, {kModules, 0}, {kModules, kModules}, {0, kModules}};
   const cv::Matx33d H = cv::getPerspectiveTransform(modules, corners.data());
   std::array<std::uint8_t, kSide * kSide> samples;
   for (int i = 0; i < kSide * kSide; ++i) {
-    const auto middle = [](int sample) { return sample / kSamples + (sample % kSamples + 1) / (kSamples + 1.0); };
-    const cv::Vec3d at = H * cv::Vec3d(middle(i % kSide), middle(i / kSide), 1);
+    const auto place = [spread](int sample) {
+      const double module = sample / kSamples + 0.25 + (sample % kSamples + 0.5) / (2.0 * kSamples);
+      return 0.5 * kModules + spread * (module - 0.5 * kModules);
+    };
+    const cv::Vec3d at = H * cv::Vec3d(place(i % kSide), place(i / kSide), 1);
     const int x = std::clamp(cvRound(at[0] / at[2]), 0, picture.cols - 1);
     const int y = std::clamp(cvRound(at[1] / at[2]), 0, picture.rows - 1);
     samples[static_cast<std::size_t>(i)] = picture.at<std::uint8_t>(y, x);
@@ -190,11 +201,22 @@ const std::vector<FoundMarker>& MarkerDetector::find(const GreyView& picture, in
   return found_;
 }
 
+bool MarkerDetector::confirm(const GreyView& picture, const std::array<Vec2f, 4>& corners_px, int id) const {
+  Corners corners;
+  for (std::size_t k = 0; k < 4; ++k) corners[k] = {corners_px[k].x(), corners_px[k].y()};
+  try {
+    const std::optional<std::uint16_t> code = read_code(mat_of(picture), corners, 1);
+    return code && std::any_of(workspace_->codes.begin(), workspace_->codes.end(), [&](const KnownCode& known) {
+             return known.id == id && known.first == 0 && known.code == *code;
+           });
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
 void MarkerDetector::search(const GreyView& picture, int shrink, const SideLimits& sides) {
   Workspace& w = *workspace_;
-  // OpenCV takes no pointer to constant pixels, though it only reads them.
-  const cv::Mat whole(picture.height_px, picture.width_px, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
-                      static_cast<std::size_t>(picture.stride_bytes));
+  const cv::Mat whole = mat_of(picture);
   cv::Mat searched = whole;
   if (shrink > 1) {
     const cv::Size size(picture.width_px / shrink, picture.height_px / shrink);
@@ -205,13 +227,13 @@ void MarkerDetector::search(const GreyView& picture, int shrink, const SideLimit
   const auto scale = static_cast<float>(shrink);
   const SideLimits here{sides.smallest_px / scale, sides.largest_px / scale};
   for (const int window : kWindows) {
-    double edges = threshold(searched, window, w.ink, w.differs);
-    if (edges > static_cast<double>(limits_.noisy_edges)) {
+    int edges = threshold(searched, window, w.ink, w.differs);
+    if (edges > limits_.noisy_edges) {
       // Noise makes contours everywhere; a mean over less than a module takes most of it away and no edge.
       cv::blur(searched, w.smooth, {3, 3});
       edges = threshold(w.smooth, window, w.ink, w.differs);
     }
-    if (edges > static_cast<double>(limits_.edges)) continue;
+    if (edges > limits_.edges) continue;
     cv::findContours(w.ink, w.contours, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
     for (const auto& contour : w.contours) {
       if (const auto square = square_of(contour, here, w.ink.size(), w.polygon)) w.squares.push_back(*square);
@@ -226,7 +248,7 @@ void MarkerDetector::search(const GreyView& picture, int shrink, const SideLimit
 
   for (int i = 0; i < squares_read_; ++i) {
     const Corners& corners = w.squares[static_cast<std::size_t>(i)].corners;
-    const std::optional<std::uint16_t> code = read_code(searched, corners);
+    const std::optional<std::uint16_t> code = read_code(searched, corners, kFromContour);
     if (!code) continue;
     const auto known =
         std::find_if(w.codes.begin(), w.codes.end(), [&](const KnownCode& k) { return k.code == *code; });

@@ -129,6 +129,7 @@ bool MarkerStage::take(const GreyView& picture, const std::vector<FoundMarker>& 
   std::array<Vec2f, 4> corners = only->corners_px;
   for (Vec2f& corner : corners) corner += offset;
   if (!refine_corners(picture, camera_, corners)) return false;
+  if (!detector_.confirm(picture, corners, marker_id_[plate])) return false;
   corners_.corners_px[plate] = corners;
   return true;
 }

@@ -17,8 +17,9 @@ class MarkerStage {
   MarkerStage(const MountModel& mount, const CameraModel& camera);
   MarkerStage(const Model& model, const CameraModel& camera) : MarkerStage(model.mount, camera) {}
 
-  /// Markers not found, found at two places, or with edges that are not straight are not seen; neither is any in a
-  /// frame without a picture or of another size than the camera's. Allocates (OpenCV does), never throws.
+  /// Markers not found, found at two places, with edges that are not straight, or with another code when read at full
+  /// size are not seen; neither is any in a frame without a picture or of another size than the camera's. Allocates
+  /// (OpenCV does), never throws.
   const MarkerCorners& find(const Frame& frame);
 
  private:

@@ -19,7 +19,7 @@ constexpr int kMostBlurred = 30;
 
 }  // namespace
 
-// One pass over the rows: their sum, and a checksum that changes with any byte and with the bytes' order. A picture
+// One pass over the rows: their sum, and a checksum that changes with any of its words and with their order. A picture
 // that repeats is frozen, however dark it is; but a sensor that sees nothing at all may well give the same again.
 PictureFault PictureCheck::look(const GreyView& picture) {
   if (!picture.pixels || picture.width_px < 1 || picture.height_px < 1 || picture.stride_bytes < picture.width_px) {

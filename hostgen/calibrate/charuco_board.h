@@ -1,6 +1,7 @@
 // The calibration board: a ChArUco board as OpenCV defines it. How it looks, and where its corners are in a picture.
 #pragma once
 
+#include <climits>
 #include <string>
 #include <vector>
 
@@ -54,7 +55,7 @@ class BoardFinder {
  private:
   CharucoBoard board_;
   MarkerDetector detector_{
-      {.noisy_edges = 1, .edges = 1, .squares = 4096}};  // a board is all squares, and nobody waits
+      {.noisy_edges = INT_MAX, .edges = INT_MAX, .squares = 4096}};  // a board is all squares, and nobody waits
 };
 
 }  // namespace finsight::host

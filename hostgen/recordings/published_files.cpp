@@ -45,8 +45,9 @@ class Reader {
   explicit Reader(std::filesystem::path file) : file_(std::move(file)) {
     name_ = file_.stem().string();
     std::erase(name_, ':');
-    if (name_.find_first_of(",\"\r\n") != std::string::npos) {
-      throw InputError(file_.string(), "file name", "a comma, quote or line break", "a name that fits in a CSV");
+    if (name_.empty() || name_.find_first_of(",\"\r\n") != std::string::npos) {
+      throw InputError(file_.string(), "file name", name_.empty() ? "none" : "a comma, quote or line break",
+                       "a name that fits in a CSV");
     }
     try {
       storage_.open(read_file(file_), cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
@@ -95,15 +96,20 @@ class Reader {
     std::array<std::array<double, 7>, 3> markers;
     for (std::size_t m = 0; m < 3; ++m) markers[m] = numbers<7>(point, kMarkers[m]);
     const cv::FileNode node = point["surface_node"];
-    if (!node.isInt()) {
-      throw InputError(file_.string(), "point " + std::to_string(frame_) + ", surface_node", "none", "a whole number");
+    if (!node.isInt() || static_cast<int>(node) < 0) {
+      throw InputError(file_.string(), "point " + std::to_string(frame_) + ", surface_node",
+                       node.isInt() ? std::to_string(static_cast<int>(node)) : "none", "a node's number");
+    }
+    const auto& m = markers[0];
+    const double length = std::sqrt(m[3] * m[3] + m[4] * m[4] + m[5] * m[5] + m[6] * m[6]);
+    if (!(std::abs(length - 1) < 0.01)) {
+      throw InputError(file_.string(), "point " + std::to_string(frame_) + ", " + kMarkers[0],
+                       "a quaternion of length " + shown(length), "one of length 1");
     }
     char line[320];
-    const auto& m = markers[0];
-    std::snprintf(line, sizeof line, "%s,%d,%.5f,%.5f,%.5f,%.7f,%.7f,%.7f,%.7f,%.5f,%.5f,%.5f,%d\n", name_.c_str(),
-                  frame_, m[0], m[1], m[2], m[3], m[4], m[5], m[6], touch[0], touch[1], touch[2],
-                  static_cast<int>(node));
-    result.csv += line;
+    std::snprintf(line, sizeof line, ",%d,%.5f,%.5f,%.5f,%.7f,%.7f,%.7f,%.7f,%.5f,%.5f,%.5f,%d\n", frame_, m[0], m[1],
+                  m[2], m[3], m[4], m[5], m[6], touch[0], touch[1], touch[2], static_cast<int>(node));
+    result.csv += name_ + line;
     result.identical_markers += markers[1] == m && markers[2] == m;
     ++result.rows;
     ++frame_;

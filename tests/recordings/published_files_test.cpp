@@ -41,6 +41,10 @@ std::string file_of(const std::string& points, int count) {
   return "%YAML:1.0\n---\nnumber_of_points: " + std::to_string(count) + "\npoints:\n" + points;
 }
 
+std::string with(std::string text, const std::string& old, const std::string& other) {
+  return text.replace(text.find(old), old.size(), other);
+}
+
 std::string refusal(const fs::path& folder) {
   try {
     convert_published_files(folder);
@@ -92,6 +96,8 @@ TEST_CASE("published files: what is wrong is said with file, point and field") {
       {file_of(point("one", kSame), 1), "point 0, gt_point: found something else than numbers"},
       {file_of(point(".Nan", kSame), 1), "nan, expected 3 numbers"},
       {file_of(point("1e300", kSame), 1), "point 0, gt_point: found 1e+300, expected 3 numbers"},
+      {file_of(with(point("1.", kSame), "6.0000000000000000e-01", "600."), 1), "found a quaternion of length 600.001"},
+      {file_of(with(point("1.", kSame), "476", "-7"), 1), "point 0, surface_node: found -7"},
       {file_of(point("1.", "-.Inf"), 1), "point 0, bc_bot2: found -inf, expected 7 numbers"},
       {file_of(point("1.", kSame) + no_node, 2), "point 1, surface_node: found none"},
   };
@@ -107,6 +113,12 @@ TEST_CASE("published files: what is wrong is said with file, point and field") {
     const Folder odd;
     odd.write("a,b.yml", file_of(point("1.", kSame), 1));
     CHECK(refusal(odd.path).find("a,b.yml: file name: found a comma") != std::string::npos);
+  }
+  {
+    const Folder long_name;
+    long_name.write(std::string(240, 'n') + ".yml", file_of(point("1.", kSame), 1));
+    const std::string csv = convert_published_files(long_name.path).csv;
+    CHECK(csv.ends_with("-4.62029,476\n"));
   }
   {
     const Folder twice;

@@ -198,7 +198,7 @@ TEST_CASE("detector: a picture full of edges is not searched") {
   Picture picture(camera, quick_paint());
   picture.add(upright(7));
   const std::vector<std::uint8_t> grey = picture.develop(1);
-  MarkerDetector usual, strict({.edges = 0.01F});
+  MarkerDetector usual, strict({.noisy_edges = 200, .edges = 200});
   CHECK(usual.find(view(camera, grey), 1, kSides).size() == 1);
   CHECK(strict.find(view(camera, grey), 1, kSides).empty());
   CHECK(strict.squares_read() == 0);
