@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "hostgen/commands.h"
+#include "hostgen/common.h"
 #include "hostgen/recordings/audit.h"
 
 namespace finsight::host {
@@ -18,10 +19,11 @@ void add_audit_command(CLI::App& app) {
   command->add_option("csv", options->csv, "recordings (import-recordings writes them)")->required();
   command->add_option("-o,--output", options->picture, "picture to write (.svg); NAME-audit.svg here when not given");
   command->callback([options] {
+    if (options->picture.empty()) options->picture = options->csv.stem().string() + "-audit.svg";
+    check_writable(options->picture, {options->csv});
     const RecordedMotion motion = read_recorded_motion(options->csv, "");
     const RecordingAudit audit = audit_recordings(motion);
     std::fputs(audit_table(audit).c_str(), stdout);
-    if (options->picture.empty()) options->picture = options->csv.stem().string() + "-audit.svg";
     plot_audit(audit, motion, options->picture);
     std::printf("%s\n", options->picture.c_str());
   });

@@ -157,8 +157,8 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 void run(const Options& options) {
   const Profile profile = chosen_profile(options);
-  check_writable(options.output);
-  if (!options.save_dataset.empty()) check_writable(options.save_dataset);
+  check_writable(options.output, {options.spec, options.dataset});
+  if (!options.save_dataset.empty()) check_writable(options.save_dataset, {options.spec, options.dataset});
   Parts parts;
   parts.spec = read_finger_spec(options.spec);
   const TetMesh mesh = make_mesh(parts.spec);
@@ -215,7 +215,7 @@ void add_build_command(CLI::App& app) {
                       "computed, and an interrupted run goes on from OUTPUT.paths");
   command->add_option("--save-dataset", options->save_dataset, "keep the states in this file (.safetensors)");
   command->add_option("--points", options->points, "touched points, instead of the profile's")
-      ->check(CLI::Range(5, 5000));
+      ->check(CLI::Range(10, 5000));
   command->add_option("--forces", options->forces, "forces per point, instead of the profile's")
       ->check(CLI::Range(2, 200));
   command->add_option("--training-steps", options->training_steps, "Adam steps, instead of the profile's")

@@ -122,7 +122,13 @@ void write_file_atomically(const std::filesystem::path& file, const std::string&
   write_file_atomically(file, std::as_bytes(std::span(text)));
 }
 
-void check_writable(const std::filesystem::path& file) {
+void check_writable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> read) {
+  for (const std::filesystem::path& input : read) {
+    std::error_code none;  // of a file that is not there
+    if (std::filesystem::equivalent(file, input, none)) {
+      throw InputError(file.string(), "is read by this command, expected another file to write");
+    }
+  }
   if (!file.has_filename() || std::filesystem::is_directory(file)) {
     throw InputError(file.string(), "is a folder, expected a file to write");
   }

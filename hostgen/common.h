@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <initializer_list>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -42,8 +43,9 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& wor
 /// Throws std::system_error.
 void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& file, const std::string& text);
-/// Before long work: that a file can be written there, its folders too. Throws std::exception if not.
-void check_writable(const std::filesystem::path& file);
+/// Before long work: that a file can be written there, its folders too, and that it is none of those that are read.
+/// Throws std::exception if not.
+void check_writable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> read = {});
 /// Throws InputError if the file cannot be read.
 std::string read_file(const std::filesystem::path& file);
 

@@ -41,13 +41,16 @@ void run(const Options& options) {
   if (shard.count > options.plan.points) {
     throw InputError("command line", "--shard", options.shard, "at most one shard per point");
   }
-  check_writable(options.output);
+  check_writable(options.output, {options.spec});
   const std::filesystem::path resume = options.output.string() + ".paths";
   const TetMesh mesh = make_mesh(spec);
   const FemDataset dataset = make_dataset(spec, mesh, options.plan, shard, resume);
   write_dataset(options.output, dataset);
   std::filesystem::remove_all(resume);
   print_summary(options.output, dataset);
+  if (dataset.count(Outcome::kEquilibrium) == 0) {
+    throw std::runtime_error(options.output.string() + ": no load reached equilibrium; nothing can be learned from it");
+  }
   const DeformationRise rise = measure_deformation_rise(dataset, mesh.front_nodes);
   std::printf("%s\n", deformation_text(rise, spec.rated_deformation_mm).c_str());
 }
@@ -80,6 +83,7 @@ void add_merge_command(CLI::App& app) {
   command->add_option("shards", options->shards, "all files of --shard 1/n ... n/n, in any order")->required();
   command->add_option("-o,--output", options->output, "file to write (.safetensors)")->required();
   command->callback([options] {
+    for (const std::filesystem::path& shard : options->shards) check_writable(options->output, {shard});
     const FemDataset dataset = merge_datasets(options->shards);
     write_dataset(options->output, dataset);
     print_summary(options->output, dataset);

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "hostgen/commands.h"
+#include "hostgen/common.h"
 #include "hostgen/finger/mesh.h"
 
 namespace finsight::host {
@@ -21,6 +22,7 @@ const std::map<std::string, MeshSize> kSizes = {{"coarse", MeshSize::kCoarse},
                                                 {"fine", MeshSize::kFine}};
 
 void run(const Options& options) {
+  check_writable(options.output, {options.spec});
   const FingerSpec spec = read_finger_spec(options.spec);
   const TetMesh mesh = make_mesh(spec, kSizes.at(options.size));
   write_vtu(options.output, mesh);

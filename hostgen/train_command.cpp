@@ -19,10 +19,12 @@ void run(const Options& options) {
   const RecordedMotion motion = read_recorded_motion(options.recordings, "");
   std::optional<Model> pack;
   if (!options.pack.empty()) pack.emplace(Model::open(options.pack));
+  const std::vector<RecordingScore> scores =
+      train_on_recordings(motion, pack ? &*pack : nullptr, options.plan);
   std::printf("%-12s %-46s %-46s\n", "", "random split 7:1:2 (rows)", "split by contact point (5 folds)");
   std::printf("%-12s %-22s %-23s %-22s %-17s %s\n", "network", "R2 x y z", "RMSE x y z, mm", "R2 x y z",
               "RMSE x y z, mm", "mean, mm");
-  for (const RecordingScore& score : train_on_recordings(motion, pack ? &*pack : nullptr, options.plan)) {
+  for (const RecordingScore& score : scores) {
     const auto print = [](const AxisErrors& errors) {
       std::printf(" %6.4f %6.4f %6.4f   %5.2f %5.2f %5.2f    ", errors.r2[0], errors.r2[1], errors.r2[2],
                   errors.rmse_mm[0], errors.rmse_mm[1], errors.rmse_mm[2]);

@@ -64,6 +64,9 @@ TEST_CASE("common: whether a file can be written is known before the work, and n
   CHECK_FALSE(std::filesystem::exists(folder / "other"));
   host::write_file_atomically(folder / "file", std::string("no folder"));
   CHECK_THROWS(host::check_writable(folder / "file" / "pack"));
+  host::check_writable(folder / "pack", {folder / "file", folder / "missing", ""});
+  CHECK_THROWS_WITH_AS(host::check_writable(folder / "new" / ".." / "file", {folder / "missing", folder / "file"}),
+                       doctest::Contains("is read by this command"), InputError);
 }
 
 TEST_CASE("common: a file that cannot be read is bad input") {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "firmware/input_error.h"
 #include "hostgen/common.h"
 #include "hostgen/fem/dataset_file.h"
 #include "hostgen/fem/statics.h"
@@ -85,8 +86,13 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
       const std::size_t i = indices[slot];
       const std::filesystem::path file = path_file(resume, i);
       if (!resume.empty() && std::filesystem::exists(file)) {
-        paths[slot] = read_dataset(file);
-        check_same_plan(empty, paths[slot], file);
+        try {
+          paths[slot] = read_dataset(file);
+          check_same_plan(empty, paths[slot], file);
+        } catch (const InputError& error) {
+          throw InputError(resume.string(), std::string("is left from another run (") + error.what() +
+                                                "); delete the folder to start anew");
+        }
       } else {
         // One solver per thread, started afresh for each path.
         thread_local std::shared_ptr<const StaticsSetup> owner;

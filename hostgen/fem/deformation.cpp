@@ -24,7 +24,7 @@ DeformationRise measure_deformation_rise(const FemDataset& dataset, std::span<co
     bool rises = true;
     for (const auto& [force_n, state] : states) {
       const double level_mm = front_rms_mm(dataset, state, front_nodes);
-      rises = rises && level_mm > highest_mm;
+      rises = rises && (level_mm > highest_mm || force_n == 0);
       if (highest_mm - level_mm > rise.worst_drop_mm) {
         rise.worst_drop_mm = highest_mm - level_mm;
         rise.worst_point_mm = dataset.states[state].point_mm;

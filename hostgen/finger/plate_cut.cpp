@@ -19,6 +19,15 @@ using Eigen::Vector3d;
 
 std::string face_name(const PlateBox& plate) { return std::string(plate.side > 0 ? "+" : "-") + "xyz"[plate.axis]; }
 
+std::string reach_text(const TriangleSurface& surface) {
+  Vector3d low = surface.point_mm.front(), high = low;
+  for (const Vector3d& point : surface.point_mm) {
+    low = low.cwiseMin(point);
+    high = high.cwiseMax(point);
+  }
+  return "from " + place_text(low) + " to " + place_text(high);
+}
+
 class Cutter {
  public:
   Cutter(TriangleSurface& surface, const PlateBox& plate) : surface_(surface), plate_(plate) {
@@ -215,7 +224,8 @@ Facet cut_at_joined_face(TriangleSurface& surface, const PlateBox& plate, const 
   facet.outlines = cutter.outlines();
   if (facet.outlines.empty()) {
     throw InputError(file, field, "no part of the finger that crosses " + face,
-                     "the plate in the box, joined to the finger there");
+                     "the plate in the box, joined to the finger there; the finger reaches " + reach_text(surface) +
+                         ", if its units are right");
   }
   for (const auto& outline : facet.outlines) {
     if (signed_area(surface, plate, outline) < 0) facet.holes_mm.push_back(hole_point_mm(surface, plate, outline));

@@ -18,6 +18,7 @@ namespace {
 constexpr const char* kHeader =
     "recording,frame,marker_tx_mm,marker_ty_mm,marker_tz_mm,marker_qx,marker_qy,marker_qz,marker_qw,touch_x_mm,"
     "touch_y_mm,touch_z_mm,surface_node\n";
+constexpr int kDeepest = 100;      // lists in lists; OpenCV's parser calls itself for each
 constexpr double kLargest = 1e4;  // mm; nothing of a finger is that far away
 constexpr std::array<const char*, 3> kMarkers = {"bc_top", "bc_bot1", "bc_bot2"};
 
@@ -49,8 +50,10 @@ class Reader {
       throw InputError(file_.string(), "file name", name_.empty() ? "none" : "a comma, quote or line break",
                        "a name that fits in a CSV");
     }
+    const std::string text = read_file(file_);
+    check_depth(text);
     try {
-      storage_.open(read_file(file_), cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
+      storage_.open(text, cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
     } catch (const cv::Exception& error) {
       throw InputError(file_.string(), "is not OpenCV YAML: " + error.err);
     }
@@ -59,6 +62,7 @@ class Reader {
   const std::string& name() const { return name_; }
 
   void append_to(PublishedFiles& result) {
+    if (!storage_.root().isMap()) throw InputError(file_.string(), "is not the published YAML: no keys at its top");
     const cv::FileNode points = storage_["points"];
     if (!points.isSeq()) throw InputError(file_.string(), "points", "none", "a list");
     const cv::FileNode announced = storage_["number_of_points"];
@@ -72,9 +76,19 @@ class Reader {
   }
 
  private:
+  void check_depth(const std::string& text) const {
+    int depth = 0;
+    for (const char c : text) {
+      depth += (c == '[' || c == '{') - (c == ']' || c == '}');
+      if (depth > kDeepest) {
+        throw InputError(file_.string(), "lists in lists", std::to_string(depth), "at most " + std::to_string(kDeepest));
+      }
+    }
+  }
+
   template <std::size_t kCount>
   std::array<double, kCount> numbers(const cv::FileNode& point, const char* key) const {
-    const cv::FileNode list = point[key];
+    const cv::FileNode list = point.isMap() ? point[key] : cv::FileNode();
     const auto refuse = [&](const std::string& found) {
       throw InputError(file_.string(), "point " + std::to_string(frame_) + ", " + key, found,
                        std::to_string(kCount) + " numbers");

@@ -1,9 +1,11 @@
 #include "hostgen/recordings/recording_training.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
-#include <stdexcept>
 
+#include "firmware/input_error.h"
 #include "firmware/model/plate_prior.h"
 #include "firmware/plate_motion.h"
 #include "firmware/touch/features.h"
@@ -20,11 +22,12 @@ namespace {
 
 constexpr int kFolds = 5;
 
-/// The rows that take part.
+/// The rows that take part, in the order of the file.
 struct Rows {
   std::vector<PlatePoses> poses;
   Eigen::Matrix3Xf pen_mm;
   std::vector<int> point;
+  std::vector<std::string> recording;
 };
 
 Rows usable_rows(const RecordedMotion& motion) {
@@ -35,6 +38,7 @@ Rows usable_rows(const RecordedMotion& motion) {
     if (outlier[row]) continue;
     rows.poses.push_back(motion.poses[row]);
     rows.point.push_back(motion.surface_node[row]);
+    rows.recording.push_back(motion.recording[row]);
     pen_mm.push_back(motion.pen_mm[row]);
   }
   rows.pen_mm.resize(3, static_cast<Eigen::Index>(pen_mm.size()));
@@ -54,10 +58,9 @@ Eigen::MatrixXf columns(const Matrix& all, const std::vector<std::size_t>& rows)
   return chosen;
 }
 
-Learner regression_learner(Eigen::MatrixXf inputs, const Rows& rows, const RecordingTrainingPlan& plan) {
+Learner regression_learner(Eigen::MatrixXf inputs, const Rows& rows, const RegressionPlan& plan) {
   return [inputs = std::move(inputs), &rows, plan](const auto& train, const auto& test, const auto& tick) {
-    Regression network(columns(inputs, train), columns(rows.pen_mm, train),
-                       {.hidden = plan.hidden, .steps = plan.steps, .seed = plan.seed}, tick);
+    Regression network(columns(inputs, train), columns(rows.pen_mm, train), plan, tick);
     return network.predict(columns(inputs, test));
   };
 }
@@ -74,16 +77,41 @@ Eigen::MatrixXf paper_inputs(const Rows& rows) {
   return inputs;
 }
 
+Eigen::Matrix<float, 6, 1> plate_millimetres(const PlatePoses& poses) {
+  const PlateMotion& plate = poses.plates[kTopPlate];
+  Eigen::Matrix<float, 6, 1> numbers;
+  numbers << plate.displacement_mm, kMillimetresPerRadian * plate.rotation_rad;
+  return numbers;
+}
+
 // Which way the plate moved, and how far: the same place then looks nearly the same at every force.
 Eigen::MatrixXf direction_inputs(const Rows& rows) {
   Eigen::MatrixXf inputs(7, rows.pen_mm.cols());
   for (Eigen::Index i = 0; i < inputs.cols(); ++i) {
-    const PlateMotion& plate = rows.poses[static_cast<std::size_t>(i)].plates[kTopPlate];
-    Eigen::Matrix<float, 6, 1> numbers;
-    numbers << plate.displacement_mm, kMillimetresPerRadian * plate.rotation_rad;
+    const Eigen::Matrix<float, 6, 1> numbers = plate_millimetres(rows.poses[static_cast<std::size_t>(i)]);
     const float size = numbers.norm() + kSmallestMotion;
     for (int k = 0; k < 6; ++k) inputs(k, i) = numbers[k] / size;
     inputs(6, i) = std::log(size);
+  }
+  return inputs;
+}
+
+// Direction, and the plate's numbers now and up to a quarter of a second ago (60 frames/s). Several looks average the
+// noise of a single marker's tilt, and a real finger creeps: the way that it came tells where it is pushed. Before its
+// first row a recording stood still.
+Eigen::MatrixXf history_inputs(const Rows& rows) {
+  constexpr std::array<std::size_t, 5> kFramesAgo = {0, 2, 4, 8, 15};
+  const Eigen::MatrixXf direction = direction_inputs(rows);
+  Eigen::MatrixXf inputs(direction.rows() + 6 * static_cast<Eigen::Index>(kFramesAgo.size()), direction.cols());
+  inputs.topRows(direction.rows()) = direction;
+  std::size_t first = 0;  // of the recording
+  for (std::size_t row = 0; row < rows.poses.size(); ++row) {
+    if (rows.recording[row] != rows.recording[first]) first = row;
+    for (std::size_t k = 0; k < kFramesAgo.size(); ++k) {
+      const std::size_t then = row - std::min(kFramesAgo[k], row - first);
+      inputs.col(static_cast<Eigen::Index>(row))
+          .segment<6>(direction.rows() + 6 * static_cast<Eigen::Index>(k)) = plate_millimetres(rows.poses[then]);
+    }
   }
   return inputs;
 }
@@ -201,12 +229,15 @@ std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, co
   const Rows rows = usable_rows(motion);
   for (int fold = 0; fold < kFolds; ++fold) {
     if (group_split(rows.point, kFolds, fold, plan.seed).test.empty()) {
-      throw std::runtime_error("recordings: fewer than " + std::to_string(kFolds) +
-                               " contact points; they cannot be split by point");
+      throw InputError("recordings", "contact points", "too few to split by point", std::to_string(kFolds) + " or more");
     }
   }
-  std::vector<Method> methods = {{"paper", regression_learner(paper_inputs(rows), rows, plan)},
-                                 {"direction", regression_learner(direction_inputs(rows), rows, plan)}};
+  const RegressionPlan network_plan{.hidden = plan.hidden, .steps = plan.steps, .seed = plan.seed};
+  RegressionPlan deeper_plan = network_plan;
+  deeper_plan.hidden.insert(deeper_plan.hidden.begin(), plan.hidden.front());
+  std::vector<Method> methods = {{"paper", regression_learner(paper_inputs(rows), rows, network_plan)},
+                                 {"direction", regression_learner(direction_inputs(rows), rows, network_plan)},
+                                 {"history", regression_learner(history_inputs(rows), rows, deeper_plan)}};
   std::optional<PackNetwork> network;
   if (pack) {
     network.emplace(*pack, rows, plan);
@@ -219,7 +250,7 @@ std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, co
 
   std::vector<Predictions> predictions(methods.size());
   for (Predictions& one : predictions) one.by_point.resize(3, rows.pen_mm.cols());
-  Progress progress("networks on recordings", static_cast<std::size_t>(plan.steps) * (kFolds + 1) * (pack ? 3 : 2));
+  Progress progress("networks on recordings", static_cast<std::size_t>(plan.steps) * (kFolds + 1) * (pack ? 4 : 3));
   const auto tick = [&] {
     if (interrupted()) throw Interrupted();
     progress.advance();

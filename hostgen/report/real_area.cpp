@@ -31,7 +31,7 @@ json measure_real(const Model& model, const std::filesystem::path& recordings, c
     const auto errors = [](const AxisErrors& axes) { return json{{"rmse_mm", axes.rmse_mm}, {"r2", axes.r2}}; };
     real["methods"][score.method] = {
         {"random", errors(score.random)}, {"by_contact_point", errors(score.by_point)}, {"mean_mm", score.mean_mm}};
-    if (score.method != "direction") continue;
+    if (score.method != "history") continue;
     real["random"] = errors(score.random);
     real["by_contact_point"] = errors(score.by_point);
   }

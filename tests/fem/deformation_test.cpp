@@ -54,6 +54,12 @@ TEST_CASE("deformation: the order of the states does not matter, and those that 
   CHECK(rise.worst_drop_mm == 0);
 }
 
+TEST_CASE("deformation: without force there is none, which is no fall") {
+  FemDataset dataset = states_of({{0, {0, 1, 2}}, {1, {0, 2, 2}}});
+  for (FemState& state : dataset.states) state.force_n -= 1;
+  CHECK(measure_deformation_rise(dataset, kFront).not_monotone == 1);
+}
+
 TEST_CASE("deformation: it rises with force at every point of a finger") {
   const TetMesh mesh = test::small_finger_mesh();
   const FemDataset dataset = make_dataset(test::small_finger_spec(), mesh, {.points = 9, .forces = 5});

@@ -2,15 +2,16 @@
 
 #include <doctest/doctest.h>
 
+#include "firmware/input_error.h"
 #include "tests/recordings/synthetic_recordings.h"
 
 using namespace finsight;
 using namespace finsight::host;
 
-TEST_CASE("recording training: both networks learn a smooth finger, better where the point is known") {
+TEST_CASE("recording training: all networks learn a smooth finger, better where the point is known") {
   const auto scores =
       train_on_recordings(test::synthetic_recordings({}, 1), nullptr, {.steps = 1000, .hidden = {24, 24}});
-  REQUIRE(scores.size() == 2);
+  REQUIRE(scores.size() == 3);
   CHECK(scores[0].method == "paper");
   for (const RecordingScore& score : scores) {
     CAPTURE(score.method);
@@ -20,8 +21,17 @@ TEST_CASE("recording training: both networks learn a smooth finger, better where
   }
 }
 
+TEST_CASE("recording training: what the plate did before makes up for a noisy tilt") {
+  const auto scores = train_on_recordings(test::synthetic_recordings({.rotation_noise_rad = 0.1}, 12), nullptr,
+                                          {.steps = 1000, .hidden = {24, 24}});
+  REQUIRE(scores[1].method == "direction");
+  REQUIRE(scores[2].method == "history");
+  CHECK(scores[2].random.rmse_mm[1] < 0.8 * scores[1].random.rmse_mm[1]);
+  CHECK(scores[2].by_point.rmse_mm[1] < scores[1].by_point.rmse_mm[1]);
+}
+
 TEST_CASE("recording training: too few contact points cannot be split") {
   RecordedMotion motion = test::synthetic_recordings({}, 1);
   for (int& point : motion.surface_node) point %= 4;
-  CHECK_THROWS_AS(train_on_recordings(motion, nullptr, {.steps = 1}), std::runtime_error);
+  CHECK_THROWS_AS(train_on_recordings(motion, nullptr, {.steps = 1}), InputError);
 }
