@@ -32,6 +32,7 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
   const FingerShape& shape = shape_.solve(poses);
   const std::int64_t shape_ns = steady_now_ns();
   const Touch& touch = locate(poses);
+  if (touch.quality != Quality::kInvalid || touch.over_range) zeroing_.give_up();  // what is touched is not at rest
   const std::int64_t touch_ns = steady_now_ns();
   const RegisterImage& registers = publish(poses, shape, touch);
   const std::int64_t end_ns = steady_now_ns();
@@ -55,8 +56,9 @@ const RegisterImage& FrameLoop::step_without_frame(std::int64_t now_ns) {
 PlatePoses FrameLoop::measure_poses(const Frame& frame) {
   if (vision_ && !frame.poses) {
     picture_fault_ = vision_->check.look({frame.grey, frame.width_px, frame.height_px, frame.stride_bytes});
-    state_.camera_fault = picture_fault_ == PictureFault::kFrozen;  // what an old picture shows is not measured
-    return state_.camera_fault ? PlatePoses{} : vision_->poses.estimate(vision_->markers.find(frame));
+    state_.camera_fault = picture_fault_ == PictureFault::kFrozen;
+    if (vision_->check.repeats()) return PlatePoses{};  // what an old picture shows is not measured
+    return vision_->poses.estimate(vision_->markers.find(frame));
   }
   PlatePoses poses = frame.poses ? *frame.poses : PlatePoses{};
   complete_from_prior(model_.prior, poses);
@@ -101,7 +103,7 @@ FaultCode FrameLoop::fault(const FingerShape& shape) const {
   if (state_.camera_fault) return FaultCode::kCameraLost;
   if (hold_is_over_ && picture_fault_ == PictureFault::kDark) return FaultCode::kTooDark;
   if (hold_is_over_ && picture_fault_ == PictureFault::kBright) return FaultCode::kTooBright;
-  if (picture_fault_ == PictureFault::kBlurred) return FaultCode::kBlurred;
+  if (picture_fault_ == PictureFault::kBlurred && measured_.seen_count() < kPlates) return FaultCode::kBlurred;
   if (hold_is_over_) return FaultCode::kMarkersLost;
   if (camera_moved_) return FaultCode::kCameraMoved;
   return shape.fallback ? FaultCode::kSolverFailed : lasting_fault_;

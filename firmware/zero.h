@@ -28,7 +28,7 @@ class Zeroing {
     zero_ = zero;
     running_ = true;
   }
-  /// No frame comes: a zero that is being measured is not possible.
+  /// No frame comes, or a touch is published: a zero that is being measured is not possible.
   void give_up() {
     if (running_) end(false);
   }

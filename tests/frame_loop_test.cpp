@@ -153,7 +153,7 @@ TEST_CASE("loop: with the top plate alone the others are completed, and the shap
   poses.plates[kMiddlePlate] = poses.plates[kLowPlate] = {Vec3f(50, 50, 50), Vec3f(1, 1, 1)};  // must not be read
   complete_from_prior(model().prior, completed);
   const RegisterImage& image = feeder.step(poses);
-  CHECK(image.words[0] == (kReady | kTouchValid | kContact | kHeld | kTopSeen));
+  CHECK(image.words[0] == (kReady | kTouchValid | kContact | kTopSeen));
   CHECK(image.words[1] == 0);
   ShapeStage stage(model(), ShapeSettings{});
   CHECK(image.words[12] == std::lround(100 * stage.solve(completed).largest_mm));
@@ -316,7 +316,11 @@ TEST_CASE("loop: a frozen camera is a fault, and its picture is never shown as f
   const CameraModel camera = test::camera_640x480();
   Feeder feeder(camera);
   const std::vector<std::uint8_t> grey = painted(camera, touched(), 1), other = painted(camera, touched(), 2);
-  for (int frame = 0; frame < 5; ++frame) CHECK((feeder.step(test::frame_of(camera, grey)).words[0] & kReady) != 0);
+  CHECK((feeder.step(test::frame_of(camera, grey)).words[0] & (kTouchValid | kHeld)) == kTouchValid);
+  for (int frame = 1; frame < 5; ++frame) {
+    const std::uint16_t repeated = feeder.step(test::frame_of(camera, grey)).words[0];
+    CHECK((repeated & (kTouchValid | kHeld | kCameraFault)) == (kTouchValid | kHeld));
+  }
   const std::uint16_t frozen = feeder.step(test::frame_of(camera, grey)).words[0];
   CHECK((frozen & (kCameraFault | kAnyFault | kHeld)) == (kCameraFault | kAnyFault | kHeld));
   CHECK(feeder.loop.state().fault == FaultCode::kCameraFrozen);
@@ -325,6 +329,25 @@ TEST_CASE("loop: a frozen camera is a fault, and its picture is never shown as f
   CHECK((over.words[0] & (kTouchValid | kHeld)) == 0);
   CHECK(over.words[1] == 9);
   CHECK(feeder.step(test::frame_of(camera, other)).words[1] == 0);
+}
+
+TEST_CASE("loop: a finger that is touched gets no zero, wherever the zero before is") {
+  Feeder feeder;
+  const PlatePoses rest = touched(-0.25F), pressed = touched(0.25F);  // 1.3 mm from the model's rest either way
+  const auto zero = [&](const PlatePoses& poses) {
+    feeder.loop.zeroing().begin();
+    std::optional<bool> done;
+    for (int frame = 0; frame < 100 && !done; ++frame) {
+      feeder.step(poses);
+      done = feeder.loop.zeroing().take_outcome();
+    }
+    return done;
+  };
+  CHECK(zero(rest) == true);
+  REQUIRE((feeder.step(pressed).words[0] & kTouchValid) != 0);
+  CHECK(zero(pressed) == false);
+  CHECK((feeder.step(pressed).words[0] & kTouchValid) != 0);
+  CHECK(zero(rest) == true);
 }
 
 TEST_CASE("loop: without light the fault says so once nothing is held any more") {
@@ -372,9 +395,12 @@ TEST_CASE("loop: pictures allocate what the marker detector does, and not once m
   Feeder feeder(camera);
   MarkerStage markers(model(), camera);
   int found = 0;
+  std::uint8_t number = 0;
   for (int round = 0; round < 3; ++round) {
     for (const auto* grey : shown) {
-      const Frame frame = test::frame_of(camera, *grey);
+      std::vector<std::uint8_t> picture = *grey;
+      picture[0] = ++number;  // none repeats one before it
+      const Frame frame = test::frame_of(camera, picture);
       const long start = test::allocations;
       const bool seen = markers.find(frame).seen[kTopPlate];
       const long detector = test::allocations - start;

@@ -112,7 +112,7 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses) {
     }
     shape.node_mm = work_->newton.node_mm();
   }
-  const bool measured = poses.quality == Quality::kFresh && poses.seen_count() == kPlates && !shape.fallback;
+  const bool measured = poses.quality == Quality::kFresh && !shape.fallback;
   shape.quality = shape.source == ShapeSource::kRest ? Quality::kInvalid : measured ? Quality::kFresh : Quality::kHeld;
   if (work_->settings.tier != ShapeSettings::Tier::kMeasures) {
     work_->show(measure_shape<float>(work_->rest_mm, work_->front_nodes, shape.node_mm));

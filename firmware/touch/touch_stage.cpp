@@ -28,6 +28,12 @@ float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, 
   return exp_float(at(1) + at(2) * log_float(radius_mm));
 }
 
+TouchStage::TouchStage(const Model& model) : TouchStage(model.touch) {
+  for (const std::int32_t node : model.shape.front_nodes) {
+    face_mm_.extend(Vec3f(model.shape.rest_mm.data() + 3 * static_cast<std::size_t>(node)));
+  }
+}
+
 TouchStage::TouchStage(const TouchModel& model) : model_(model) {
   assert(model.layers[0].inputs == TouchModel::kInputs && model.layers[2].outputs == TouchModel::kOutputs);
   assert(model.layers[1].inputs == model.layers[0].outputs && model.layers[2].inputs == model.layers[1].outputs);
@@ -51,6 +57,14 @@ const Touch& TouchStage::locate(const PlatePoses& poses) {
   return touch_;
 }
 
+// Plates that no touch moves like this (a shaken hand, a camera that was knocked) have the network answer anything.
+bool TouchStage::is_on_face(const Touch& touch) const {
+  if (face_mm_.isEmpty()) return true;
+  const Vec3f spread_mm(model_.output_scale[0], model_.output_scale[1], model_.output_scale[2]);
+  return touch.radius_68_mm < spread_mm.norm() &&
+         face_mm_.exteriorDistance(touch.point_mm) <= 2 * touch.radius_68_mm;
+}
+
 void TouchStage::run_network(const PlatePoses& poses) {
   std::array<float, TouchModel::kInputs> inputs;
   std::array<float, TouchModel::kOutputs> outputs;
@@ -72,7 +86,7 @@ void TouchStage::run_network(const PlatePoses& poses) {
   // Motions far beyond any finger's overflow somewhere on the way; what comes out then is no touch.
   const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(outputs[6]) &&
                       std::isfinite(touch.radius_68_mm) && std::isfinite(touch.force_sigma_n);
-  if (!finite) return;
+  if (!finite || !is_on_face(touch)) return;
   touch.quality = Quality::kFresh;
   touch_ = touch;
 }

@@ -1,6 +1,7 @@
 // PlatePoses -> Touch: features, then the int8 network.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <vector>
 
 #include "firmware/model/model.h"
@@ -12,12 +13,15 @@ float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, 
 
 class TouchStage {
  public:
-  explicit TouchStage(const Model& model) : TouchStage(model.touch) {}
+  /// Knows the finger's touched face, too.
+  explicit TouchStage(const Model& model);
   /// The arrays that `model` views must live as long as the stage.
   explicit TouchStage(const TouchModel& model);
 
   /// Never throws, never allocates. Invalid below the model's threshold of plate motion, beyond its range (then
-  /// `over_range` says so), without any seen plate, and for non-finite poses; held poses repeat the last touch as held.
+  /// `over_range` says so), without any seen plate, for non-finite poses, and where the answer is none: a point further
+  /// beside the face than two radii, or a radius as large as the touches that were learnt lie apart (their standard
+  /// deviation). Held poses repeat the last touch as held.
   /// Plates that are not seen must have been completed.
   ///
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
@@ -28,7 +32,10 @@ class TouchStage {
  private:
   void run_network(const PlatePoses& poses);
 
+  bool is_on_face(const Touch& touch) const;
+
   TouchModel model_;
+  Eigen::AlignedBox3f face_mm_;  ///< of the front face at rest; empty: not known
   std::vector<float> hidden_[2];
   Touch touch_;
 };

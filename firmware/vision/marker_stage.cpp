@@ -22,6 +22,8 @@ constexpr float kWindowMargin = 0.75F;
 // While a marker is missing and others are followed, the whole picture is searched in every eighth frame: a marker that
 // comes back is seen within 0.13 s, and the mean frame costs little more.
 constexpr int kSearchPeriod = 8;
+// Until then its window is tried: noise or a fast move may hide a code for a frame or two.
+constexpr int kGone = kSearchPeriod;
 
 /// How much smaller a picture may be searched for a marker with sides of this length.
 int shrink_for(float side_px) {
@@ -62,36 +64,38 @@ MarkerStage::MarkerStage(const MountModel& mount, const CameraModel& camera)
   const auto [smallest, largest] = std::minmax_element(side_px.begin(), side_px.end());
   sides_ = {*smallest * kSmallestSide, *largest * kLargestSide};
   shrink_ = shrink_for(*smallest);
+  missed_.fill(kGone);
 }
 
 const MarkerCorners& MarkerStage::find(const Frame& frame) {
-  const MarkerCorners last = corners_;
   corners_.seen.fill(false);
   if (!frame.grey || frame.width_px != camera_.width_px || frame.height_px != camera_.height_px ||
       frame.stride_bytes < frame.width_px) {
+    missed_.fill(kGone);
     return corners_;
   }
   const GreyView picture{frame.grey, frame.width_px, frame.height_px, frame.stride_bytes};
-  follow(picture, last);
+  follow(picture);
 
   bool any = false, lost = false, missing = false;
   for (std::size_t p = 0; p < kPlates; ++p) {
     any |= corners_.seen[p];
     missing |= !corners_.seen[p];
-    lost |= last.seen[p] && !corners_.seen[p];
+    lost |= missed_[p] == 0 && !corners_.seen[p];
   }
   if (missing && (lost || !any || --frames_until_search_ <= 0)) {
     search(picture);
     frames_until_search_ = kSearchPeriod;
   }
+  for (std::size_t p = 0; p < kPlates; ++p) missed_[p] = corners_.seen[p] ? 0 : std::min(missed_[p] + 1, kGone);
   return corners_;
 }
 
 // Each window is asked for its own marker only, so a neighbour that reaches into it cannot count as a second one.
-void MarkerStage::follow(const GreyView& picture, const MarkerCorners& last) {
+void MarkerStage::follow(const GreyView& picture) {
   for (std::size_t p = 0; p < kPlates; ++p) {
-    if (!last.seen[p]) continue;
-    const std::array<Vec2f, 4>& corners = last.corners_px[p];
+    if (missed_[p] >= kGone) continue;
+    const std::array<Vec2f, 4> corners = corners_.corners_px[p];
     Vec2f low = corners[0], high = low;
     float shortest_px = (corners[3] - corners[0]).norm();
     for (std::size_t k = 1; k < 4; ++k) {

@@ -7,9 +7,9 @@
 
 namespace finsight {
 
-/// Finds the three markers' corners, to about 0.02 pixels in a sharp picture. Markers seen in the last frame are
-/// followed in a window around their last place; the whole picture is searched when one of them is lost, while none is
-/// seen, and now and then while one is missing.
+/// Finds the three markers' corners, to about 0.02 pixels in a sharp picture. Markers are followed in a window around
+/// their last place, for some frames also when they are not seen there; the whole picture is searched when one of them
+/// is lost, while none is seen, and now and then while one is missing.
 class MarkerStage {
  public:
   /// Throws InputError for a camera that cannot be one, for marker ids that DICT_4X4_50 does not have or that are not
@@ -23,7 +23,7 @@ class MarkerStage {
   const MarkerCorners& find(const Frame& frame);
 
  private:
-  void follow(const GreyView& picture, const MarkerCorners& last);
+  void follow(const GreyView& picture);
   void search(const GreyView& picture);
   bool take(const GreyView& picture, const std::vector<FoundMarker>& found, const Vec2f& offset, std::size_t plate);
 
@@ -33,6 +33,7 @@ class MarkerStage {
   int shrink_ = 1;  ///< how much smaller the whole picture is searched
   MarkerDetector detector_;
   MarkerCorners corners_{};
+  std::array<int, kPlates> missed_;  ///< frames since a marker was seen, kGone for those that windows are not tried for
   int frames_until_search_ = 0;
 };
 

@@ -20,6 +20,8 @@ class PictureCheck {
   /// of the picture's width (4.5 pixels of 1280), though there is contrast. Looks at every eighth row: 100 us for 1280
   /// x 720. Never allocates.
   PictureFault look(const GreyView& picture);
+  /// Whether the last picture equals one of the four before it: it says nothing of this moment.
+  bool repeats() const { return repeats_ > 0; }
 
  private:
   bool is_blurred(const GreyView& picture) const;

@@ -164,8 +164,8 @@ TEST_CASE("shape stage: quality follows the poses") {
   CHECK(stage.solve(PlatePoses{}).quality == Quality::kInvalid);
   PlatePoses poses = slope(1);
   CHECK(stage.solve(poses).quality == Quality::kFresh);
-  poses.seen[kMiddlePlate] = false;  // completed by the prior
-  CHECK(stage.solve(poses).quality == Quality::kHeld);
+  poses.seen[kMiddlePlate] = false;  // completed by the prior, but of this moment
+  CHECK(stage.solve(poses).quality == Quality::kFresh);
   poses.seen[kMiddlePlate] = true;
   poses.quality = Quality::kHeld;
   CHECK(stage.solve(poses).quality == Quality::kHeld);

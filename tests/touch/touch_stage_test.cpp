@@ -9,6 +9,7 @@
 #include "hostgen/learn/touch_network.h"
 #include "tests/count_allocations.h"
 #include "tests/learn/synthetic_finger.h"
+#include "tests/model/tiny_model.h"
 
 using namespace finsight;
 using namespace finsight::host;
@@ -105,6 +106,31 @@ TEST_CASE("touch stage: beyond the trained plate motion it says over-range inste
   CHECK(touch.quality == Quality::kInvalid);
   CHECK(touch.point_mm == Vec3f::Zero());
   CHECK_FALSE(stage.locate(poses_of(kPushed)).over_range);
+}
+
+TEST_CASE("touch stage: a point beside the finger's face, or a radius that says nothing, is no touch") {
+  test::TinyModel tiny;
+  Model model = tiny.open();
+  model.touch = trained().model.view();
+  const Touch touch = TouchStage(model.touch).locate(poses_of(kPushed));
+  REQUIRE(touch.quality == Quality::kFresh);
+  const auto quality = [&](const Vec3f& low_mm, const Vec3f& high_mm) {
+    const std::vector<float> corners_mm = {low_mm.x(),  low_mm.y(),  low_mm.z(), 500, 500, 500,
+                                           high_mm.x(), high_mm.y(), high_mm.z()};
+    const std::vector<std::int32_t> front = {0, 2};
+    model.shape.rest_mm = corners_mm;
+    model.shape.front_nodes = front;
+    return TouchStage(model).locate(poses_of(kPushed)).quality;
+  };
+  const Vec3f nearly = touch.point_mm + Vec3f(0, 1.9F * touch.radius_68_mm, 0),
+              beyond = touch.point_mm + Vec3f(0, 2.1F * touch.radius_68_mm, 0), far(40, 90, 40);
+  CHECK(quality(nearly, nearly + far) == Quality::kFresh);
+  CHECK(quality(beyond, beyond + far) == Quality::kInvalid);
+  CHECK(quality(touch.point_mm - far, touch.point_mm + far) == Quality::kFresh);
+  std::vector<float> curve(model.touch.radius_curve.begin(), model.touch.radius_curve.end());
+  for (std::size_t knot = 1; knot < curve.size(); knot += 3) curve[knot] += 5;
+  model.touch.radius_curve = curve;
+  CHECK(quality(touch.point_mm - far, touch.point_mm + far) == Quality::kInvalid);
 }
 
 TEST_CASE("touch stage: held poses repeat the last touch as held, invalid ones end it") {

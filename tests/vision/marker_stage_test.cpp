@@ -115,6 +115,18 @@ TEST_CASE("markers: strangers and missing ones are not seen; one that comes back
   CHECK(frames <= 8);
 }
 
+TEST_CASE("markers: one that was hidden for some frames is found again in its window at once") {
+  const CameraModel camera = camera_640x480();
+  const std::array<int, kPlates> ids = test_mount().marker_id;
+  MarkerStage stage(test_mount(), camera);
+  const std::vector<std::uint8_t> all = paint_ids(camera, ids), two = paint_ids(camera, {ids[0], -1, ids[2]});
+  for (const int hidden : {1, 2, 3, 6}) {
+    CHECK(stage.find(frame_of(camera, all)).seen == kAll);
+    for (int i = 0; i < hidden; ++i) CHECK(stage.find(frame_of(camera, two)).seen == std::array{true, false, true});
+    CHECK(stage.find(frame_of(camera, all)).seen == kAll);
+  }
+}
+
 TEST_CASE("markers: one that is there twice is not seen") {
   const CameraModel camera = camera_640x480();
   const std::array<int, kPlates> ids = test_mount().marker_id;
