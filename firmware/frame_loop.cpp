@@ -11,7 +11,6 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camer
       shape_(model, settings.shape),
       touch_(model),
       zeroing_(model.touch.threshold_mm),
-      mount_check_(model.mount),
       filter_(settings.smoothing_ms) {
   const MountModel mount = settings.mount ? corrected_mount(model.mount, *settings.mount) : model.mount;
   if (camera) vision_.emplace(mount, model.prior, *camera);
@@ -25,7 +24,7 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
   count_frame(frame);
   measured_ = measure_poses(frame);
   if (zeroing_.process(measured_)) mount_check_.begin_anew();
-  camera_moved_ = mount_check_.look(measured_);
+  check_mount(frame);
   filter_.process(measured_, frame.exposure_ns);
   const PlatePoses& poses = hold_poses(measured_, frame.exposure_ns);
   const std::int64_t poses_ns = steady_now_ns();
@@ -65,7 +64,16 @@ PlatePoses FrameLoop::measure_poses(const Frame& frame) {
   return poses;
 }
 
-const Touch& FrameLoop::locate(const PlatePoses& poses) { return camera_moved_ ? no_touch_ : touch_.locate(poses); }
+// Recorded plates are nobody's camera.
+void FrameLoop::check_mount(const Frame& frame) {
+  one_body_ = false;
+  if (!vision_ || frame.poses || measured_.seen_count() < kPlates) return;
+  const OneBody::Fit fit = vision_->poses.as_one_body(zeroing_.zero().value_or(ZeroPose{}));
+  one_body_ = MountCheck::is_one_body(fit);
+  camera_moved_ = mount_check_.look(measured_, fit);
+}
+
+const Touch& FrameLoop::locate(const PlatePoses& poses) { return camera_moved_ || one_body_ ? no_touch_ : touch_.locate(poses); }
 
 // Short gaps (a hand before the light, a lost frame) repeat the last poses, marked as held. Longer ones are a fault,
 // and invalid, or still held where the settings want that.

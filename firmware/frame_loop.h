@@ -50,6 +50,7 @@ class FrameLoop {
  private:
   PlatePoses measure_poses(const Frame& frame);
   const PlatePoses& hold_poses(const PlatePoses& measured, std::int64_t now_ns);
+  void check_mount(const Frame& frame);
   const Touch& locate(const PlatePoses& poses);
   void count_frame(const Frame& frame);
   FaultCode fault(const FingerShape& shape) const;
@@ -66,7 +67,7 @@ class FrameLoop {
   std::optional<Vision> vision_;
   ShapeStage shape_;
   TouchStage touch_;
-  const Touch no_touch_{};  ///< what plates tell while the camera is not where it was
+  const Touch no_touch_{};  ///< what plates tell that moved as one, and while the camera is not where it was
   Zeroing zeroing_;
   MountCheck mount_check_;
   PoseFilter filter_;
@@ -76,6 +77,7 @@ class FrameLoop {
   bool hold_is_over_ = true;
   PictureFault picture_fault_ = PictureFault::kNone;
   bool camera_moved_ = false;
+  bool one_body_ = false;  ///< this frame's plates have moved as one
   FaultCode lasting_fault_ = FaultCode::kNone;
   std::uint32_t last_sequence_ = 0;
   LoopState state_;

@@ -1,8 +1,8 @@
 // Whether the camera still sits where it did: all plates seem to move like one rigid body, which no touch can do.
 #pragma once
 
-#include "firmware/model/model.h"
 #include "firmware/types.h"
+#include "firmware/vision/one_body.h"
 
 namespace finsight {
 
@@ -11,15 +11,20 @@ class MountCheck {
   static constexpr int kFrames = 300;       ///< of standing still before anything is said: 5 s at 60 frames/s
   static constexpr float kStill_mm = 0.5F;  ///< further from the mean is a movement
   static constexpr int kBrief = 30;         ///< frames; a shorter movement does not count, a longer one begins anew
-  static constexpr double kKnocked_mm = 2;  ///< length of the 18 numbers (mm, and 28.65 mm per rad): 1 mm per plate
-  /// What a rigid motion leaves of that length. Of all finite-element states of the default finger none is below 0.107.
-  static constexpr double kLargestRest = 0.07;
+  static constexpr double kKnocked_mm = 2;  ///< OneBody::Fit::size_mm: 1 mm per plate
+  /// Angle by which corners may be off where one body says, per mm of its motion. Of all finite-element states of the
+  /// default finger none leaves less than 1.2e-4; scatter leaves hardly any, because it is the same on both sides.
+  static constexpr double kLargestRest_rad_mm = 7e-5;
 
-  explicit MountCheck(const MountModel& mount);
-
-  /// With every frame's zeroed poses. True while the finger stands still and its plates are displaced as one body: the
-  /// camera or the finger in its holder was knocked. Needs all three plates. Never allocates.
-  bool look(const PlatePoses& poses);
+  /// With every frame's zeroed poses, and how well one rigid motion explains what they were measured from. True while
+  /// the finger stands still and is displaced as one body: the camera or the finger in its holder was knocked. Needs
+  /// all three plates. Never allocates.
+  bool look(const PlatePoses& poses, const OneBody::Fit& fit);
+  /// Whether one rigid motion explains this frame alone: what it shows is no touch, knocked or not.
+  static bool is_one_body(const OneBody::Fit& fit) {
+    const double rest_rad = kLargestRest_rad_mm * fit.size_mm;
+    return fit.size_mm > kKnocked_mm && fit.unexplained_sq < rest_rad * rest_rad;
+  }
   /// What was seen so far was seen from another zero.
   void begin_anew() {
     frames_ = moving_ = 0;
@@ -27,8 +32,8 @@ class MountCheck {
   }
 
  private:
-  Eigen::Matrix<double, 18, 18> bent_;  ///< takes the rigid motion out of the scaled numbers
-  Eigen::Matrix<double, 18, 1> mean_;
+  std::array<Vec3f, kPlates> mean_mm_;  ///< displacements
+  OneBody::Fit mean_fit_;
   int frames_ = 0, moving_ = 0;
   bool knocked_ = false;
 };

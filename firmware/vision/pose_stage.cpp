@@ -25,6 +25,7 @@ PoseStage::PoseStage(const MountModel& mount, const PlatePrior& prior, const Cam
       marker_size_mm_(mount.marker_size_mm),
       prior_(prior),
       estimator_(mount, prior, camera.fx),
+      one_body_(mount, camera.fx),
       method_(method) {}
 
 const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {

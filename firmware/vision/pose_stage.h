@@ -3,6 +3,7 @@
 
 #include "firmware/model/model.h"
 #include "firmware/vision/camera_model.h"
+#include "firmware/vision/one_body.h"
 #include "firmware/vision/plate_estimator.h"
 
 namespace finsight {
@@ -25,6 +26,8 @@ class PoseStage {
   /// completed from the prior. Fresh if at least one is seen, otherwise invalid (and at rest). Neither throws nor
   /// allocates.
   const PlatePoses& estimate(const MarkerCorners& corners);
+  /// Of the corners that the last estimate used: one motion of the whole finger from where the plates are at `zero`.
+  OneBody::Fit as_one_body(const std::array<PlateMotion, kPlates>& zero) const { return one_body_.fit(sight_, zero); }
 
  private:
   using Numbers = PlateEstimator::Numbers;
@@ -37,6 +40,7 @@ class PoseStage {
   float marker_size_mm_;
   PlatePrior prior_;
   PlateEstimator estimator_;
+  OneBody one_body_;
   PoseMethod method_;
   PlateSight sight_;
   std::array<SquarePoses, kPlates> squares_;  ///< of the seen plates: at least one pose each
