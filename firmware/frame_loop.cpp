@@ -73,7 +73,9 @@ void FrameLoop::check_mount(const Frame& frame) {
   camera_moved_ = mount_check_.look(measured_, fit);
 }
 
-const Touch& FrameLoop::locate(const PlatePoses& poses) { return camera_moved_ || one_body_ ? no_touch_ : touch_.locate(poses); }
+const Touch& FrameLoop::locate(const PlatePoses& poses) {
+  return camera_moved_ || one_body_ ? no_touch_ : touch_.locate(poses);
+}
 
 // Short gaps (a hand before the light, a lost frame) repeat the last poses, marked as held. Longer ones are a fault,
 // and invalid, or still held where the settings want that.

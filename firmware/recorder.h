@@ -58,7 +58,7 @@ class Recorder {
   const SessionInfo info_;
   std::array<Slot, kSlots> slots_;
   std::atomic<unsigned> head_{0}, tail_{0};  ///< of the slots, counted on
-  std::atomic<int> open_orders_{0};  ///< given, not yet carried out
+  std::atomic<int> open_orders_{0};          ///< given, not yet carried out
   std::atomic<unsigned> left_out_{0};
   std::atomic<State> state_{State::kIdle};
   std::counting_semaphore<> filled_{0};

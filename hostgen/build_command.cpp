@@ -35,7 +35,7 @@ struct Profile {
 };
 const std::map<std::string, Profile> kProfiles = {
     {"quick", {{.points = 60, .forces = 7}, 6000}},
-    {"full", {{.points = 570, .forces = 21}, 40000}},
+    {"full", {{.points = 570, .forces = 21}, 50000}},
 };
 
 Profile chosen_profile(const Options& options) {

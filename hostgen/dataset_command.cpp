@@ -22,8 +22,8 @@ struct Options {
 /// "3/8" is the third of eight.
 Shard parse_shard(const std::string& text) {
   int index = 0, count = 0, used = 0;
-  if (std::sscanf(text.c_str(), "%d/%d%n", &index, &count, &used) != 2 || static_cast<std::size_t>(used) != text.size() ||
-      index < 1 || index > count) {
+  if (std::sscanf(text.c_str(), "%d/%d%n", &index, &count, &used) != 2 ||
+      static_cast<std::size_t>(used) != text.size() || index < 1 || index > count) {
     throw InputError("command line", "--shard", "'" + text + "'", "i/n with 1 <= i <= n, such as 3/8");
   }
   return {index - 1, count};
@@ -61,15 +61,19 @@ void add_dataset_command(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand("dataset", "compute finite-element states of the touched finger");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
-  command->add_option("-o,--output", options->output,
-                      "file to write (.safetensors); an interrupted run keeps finished paths in OUTPUT.paths and goes on "
-                      "there when it is started again")
+  command
+      ->add_option("-o,--output", options->output,
+                   "file to write (.safetensors); an interrupted run keeps finished paths in OUTPUT.paths and goes on "
+                   "there when it is started again")
       ->required();
-  command->add_option("--points", options->plan.points, "touched points")->check(CLI::Range(1, 5000))->capture_default_str();
+  command->add_option("--points", options->plan.points, "touched points")
+      ->check(CLI::Range(1, 5000))
+      ->capture_default_str();
   command->add_option("--forces", options->plan.forces, "forces per point, over the spec's range")
       ->check(CLI::Range(1, 200))
       ->capture_default_str();
-  command->add_option("--shard", options->shard, "i/n: only the i-th of n equal parts; hostgen merge puts them together");
+  command->add_option("--shard", options->shard,
+                      "i/n: only the i-th of n equal parts; hostgen merge puts them together");
   command->callback([options] { run(*options); });
 }
 

@@ -19,8 +19,7 @@ void run(const Options& options) {
   const RecordedMotion motion = read_recorded_motion(options.recordings, "");
   std::optional<Model> pack;
   if (!options.pack.empty()) pack.emplace(Model::open(options.pack));
-  const std::vector<RecordingScore> scores =
-      train_on_recordings(motion, pack ? &*pack : nullptr, options.plan);
+  const std::vector<RecordingScore> scores = train_on_recordings(motion, pack ? &*pack : nullptr, options.plan);
   std::printf("%-12s %-46s %-46s\n", "", "random split 7:1:2 (rows)", "split by contact point (5 folds)");
   std::printf("%-12s %-22s %-23s %-22s %-17s %s\n", "network", "R2 x y z", "RMSE x y z, mm", "R2 x y z",
               "RMSE x y z, mm", "mean, mm");

@@ -61,8 +61,7 @@ const Touch& TouchStage::locate(const PlatePoses& poses) {
 bool TouchStage::is_on_face(const Touch& touch) const {
   if (face_mm_.isEmpty()) return true;
   const Vec3f spread_mm(model_.output_scale[0], model_.output_scale[1], model_.output_scale[2]);
-  return touch.radius_68_mm < spread_mm.norm() &&
-         face_mm_.exteriorDistance(touch.point_mm) <= 2 * touch.radius_68_mm;
+  return touch.radius_68_mm < spread_mm.norm() && face_mm_.exteriorDistance(touch.point_mm) <= 2 * touch.radius_68_mm;
 }
 
 void TouchStage::run_network(const PlatePoses& poses) {

@@ -11,7 +11,8 @@ class OneBody {
   struct Fit {
     double size_mm = 0;          ///< length of the 18 numbers (mm, and 28.65 mm per rad): 1 mm per plate is 1.7
     double reprojection_px = 0;  ///< RMS distance of all seen corners from where that motion puts them
-    /// Square of the angle (rad) by which they are off on average, less what their scatter makes of it; may be negative.
+    /// Square of the angle (rad) by which they are off on average, less what their scatter makes of it; may be
+    /// negative.
     double unexplained_sq = 0;
   };
 

@@ -15,7 +15,8 @@ namespace {
 
 // Of the median corner's distance from the model, or view's; and never below so many pixels.
 constexpr double kCornerTimes = 5, kViewTimes = 3, kOutlierPx = 0.25;
-constexpr double kOutlierShare = 0.2;   // of a view's corners: with more of them the view itself is the outlier
+constexpr double kOutlierShare = 0.2;         // of a view's corners: with more of them the view itself is the outlier
+constexpr double kFarthestShare = 1 / 640.0;  // of the picture's width, RMS: what no single lens explains
 constexpr double kUndetermined = 0.02;  // standard deviation of focal length and principal point, of the focal length
 
 struct Fit {
@@ -134,6 +135,14 @@ void check_determined(const LensCalibration& lens, const std::string& name) {
     throw InputError(name, std::string("the views do not determine a lens: ") + error.what() +
                                "; show the board larger, and tilted to all sides");
   }
+  if (lens.rms_px > kFarthestShare * lens.width_px) {
+    char off[64];
+    std::snprintf(off, sizeof off, "%.2f pixels from the best lens (RMS)", lens.rms_px);
+    throw InputError(
+        name, "corners", off,
+        "at most 1/640 of the picture's width: is it the board of --squares, flat, and one lens that stayed "
+        "as it was?");
+  }
   const double largest = *std::max_element(sigma.begin(), sigma.begin() + 4) / value[0];
   if (largest <= kUndetermined) return;
   char found[64];
@@ -185,6 +194,11 @@ LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>
     }
     if (drop_outlier_corners(used) || reject_worst(used)) continue;
     check_determined(lens, name);
+    // Of a board that is never tilted, focal length and distance cannot be told apart, however small the deviation.
+    const Coverage coverage = coverage_of(lens, views);
+    if (std::count(coverage.tilted.begin(), coverage.tilted.end(), 0) == 4) {
+      throw InputError(name, "tilted views", "none by 12 degrees", "some: show the board tilted to all sides");
+    }
     return lens;
   }
 }

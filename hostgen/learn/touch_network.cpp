@@ -30,13 +30,20 @@ void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vect
 class Measurements {
  public:
   Measurements(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
-               const PlatePrior& prior, const CornerMeasurement* camera, Random& random)
-      : touches_(touches), noise_(noise), prior_(prior), camera_(camera), random_(random) {}
+               const PlatePrior& prior, const std::array<double, kPlates>& plate_height_mm,
+               const CornerMeasurement* camera, Random& random)
+      : touches_(touches),
+        noise_(noise),
+        prior_(prior),
+        plate_height_mm_(plate_height_mm),
+        camera_(camera),
+        random_(random) {}
 
   void draw(const TouchModel& model, Eigen::MatrixXf& inputs, Eigen::MatrixXf& targets) {
     for (int column = 0; column < inputs.cols(); ++column) {
       const TouchSample& touch = touches_[random_.index(touches_.size())];
       PlateNumbers numbers = touch.numbers;
+      add_swing(plate_height_mm_, random_, numbers);
       const std::array<bool, kPlates> seen = draw_seen(random_);
       std::array<float, kPlates> noise;
       if (camera_ && random_.uniform() < 0.5) {
@@ -57,6 +64,7 @@ class Measurements {
   const std::vector<TouchSample>& touches_;
   const std::array<PoseNoise, kPlates>& noise_;
   const PlatePrior& prior_;
+  const std::array<double, kPlates>& plate_height_mm_;
   const CornerMeasurement* camera_;
   Random& random_;
 };
@@ -119,7 +127,7 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
                                  const std::function<void()>& tick, const CornerMeasurement* camera) {
   Random random(seed);
-  Measurements measurements(touches, noise, prior, camera, random);
+  Measurements measurements(touches, noise, prior, plan.plate_height_mm, camera, random);
   TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, random), fit_normalisation(measurements), {}};
   TouchModelData& model = trained.model;
   model.widths = kWidths;

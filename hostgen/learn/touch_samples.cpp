@@ -35,6 +35,21 @@ void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, Plat
   }
 }
 
+// The deflection a (h / top)^2 turns a plate by its slope, 2 a h / top^2: towards +z about x, towards +x about -z.
+void add_swing(const std::array<double, kPlates>& plate_height_mm, Random& random, PlateNumbers& numbers) {
+  constexpr double kShare = 0.05, kSwing_mm = 2;
+  if (plate_height_mm[kTopPlate] == plate_height_mm[kLowPlate] || random.uniform() >= kShare) return;
+  const double top_mm = plate_height_mm[kTopPlate];
+  const double x_mm = kSwing_mm * random.normal(), z_mm = kSwing_mm * random.normal();
+  for (int p = 0; p < kPlates; ++p) {
+    const double share = plate_height_mm[static_cast<std::size_t>(p)] / top_mm;
+    numbers[6 * p] += static_cast<float>(x_mm * share * share);
+    numbers[6 * p + 2] += static_cast<float>(z_mm * share * share);
+    numbers[6 * p + 3] += static_cast<float>(2 * z_mm * share / top_mm);
+    numbers[6 * p + 5] -= static_cast<float>(2 * x_mm * share / top_mm);
+  }
+}
+
 std::array<float, kPlates> draw_noise(Random& random) {
   constexpr double kPlateSpread = 0.3;
   const double common = random.uniform(std::log(kLeastNoise), std::log(kMostTrainedNoise));

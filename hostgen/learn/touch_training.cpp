@@ -98,7 +98,11 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
     if (interrupted()) throw Interrupted();
     progress.advance();
   };
-  run.trained = train_touch_network(touches, spec.noise, prior, plan, seed + 1, tick, &camera);
+  TouchTrainingPlan swinging = plan;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    swinging.plate_height_mm[p] = spec.plates[p].T_finger_marker.translation().y();
+  }
+  run.trained = train_touch_network(touches, spec.noise, prior, swinging, seed + 1, tick, &camera);
   quantise(*run.trained);
   run.trained->model.threshold_mm = static_cast<float>(spec.threshold_mm);
   run.trained->model.range_mm = kBeyondTraining * largest_plate_motion_mm(run.split.train);

@@ -73,6 +73,7 @@ struct TouchTrainingPlan {
   std::uint64_t seed = 1;
   int steps = 6000;  ///< Adam steps
   int batch = 128;
+  std::array<double, kPlates> plate_height_mm = {};  ///< for add_swing(); train_touch() takes the spec's
 };
 
 /// Three trainings side by side: without a fifth of the states, without a fifth of the contact points, and, for the

@@ -18,7 +18,7 @@ namespace {
 constexpr const char* kHeader =
     "recording,frame,marker_tx_mm,marker_ty_mm,marker_tz_mm,marker_qx,marker_qy,marker_qz,marker_qw,touch_x_mm,"
     "touch_y_mm,touch_z_mm,surface_node\n";
-constexpr int kDeepest = 100;      // lists in lists; OpenCV's parser calls itself for each
+constexpr int kDeepest = 100;     // lists in lists; OpenCV's parser calls itself for each
 constexpr double kLargest = 1e4;  // mm; nothing of a finger is that far away
 constexpr std::array<const char*, 3> kMarkers = {"bc_top", "bc_bot1", "bc_bot2"};
 
@@ -81,7 +81,8 @@ class Reader {
     for (const char c : text) {
       depth += (c == '[' || c == '{') - (c == ']' || c == '}');
       if (depth > kDeepest) {
-        throw InputError(file_.string(), "lists in lists", std::to_string(depth), "at most " + std::to_string(kDeepest));
+        throw InputError(file_.string(), "lists in lists", std::to_string(depth),
+                         "at most " + std::to_string(kDeepest));
       }
     }
   }

@@ -109,8 +109,8 @@ Eigen::MatrixXf history_inputs(const Rows& rows) {
     if (rows.recording[row] != rows.recording[first]) first = row;
     for (std::size_t k = 0; k < kFramesAgo.size(); ++k) {
       const std::size_t then = row - std::min(kFramesAgo[k], row - first);
-      inputs.col(static_cast<Eigen::Index>(row))
-          .segment<6>(direction.rows() + 6 * static_cast<Eigen::Index>(k)) = plate_millimetres(rows.poses[then]);
+      inputs.col(static_cast<Eigen::Index>(row)).segment<6>(direction.rows() + 6 * static_cast<Eigen::Index>(k)) =
+          plate_millimetres(rows.poses[then]);
     }
   }
   return inputs;
@@ -229,7 +229,8 @@ std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, co
   const Rows rows = usable_rows(motion);
   for (int fold = 0; fold < kFolds; ++fold) {
     if (group_split(rows.point, kFolds, fold, plan.seed).test.empty()) {
-      throw InputError("recordings", "contact points", "too few to split by point", std::to_string(kFolds) + " or more");
+      throw InputError("recordings", "contact points", "too few to split by point",
+                       std::to_string(kFolds) + " or more");
     }
   }
   const RegressionPlan network_plan{.hidden = plan.hidden, .steps = plan.steps, .seed = plan.seed};

@@ -25,11 +25,11 @@ struct RecordingTrainingPlan {
   std::vector<int> hidden = {512, 256};  ///< of the first two networks; the third has its first layer twice
 };
 
-/// Trains on all rows but outliers (see find_outliers()), with progress. Rows of the result: "paper", the paper's network
-/// (the plate's six numbers three times, z-scored, 18-512-256-3); "direction", ours (direction and log-size); "history",
-/// with the plate's motion over the last quarter of a second and one layer more; and, if there is a pack, "simulation",
-/// its touch network as it came from there, and "fine-tuned", the same trained further on the recordings. Throws
-/// InputError if there are fewer than five contact points, Interrupted.
+/// Trains on all rows but outliers (see find_outliers()), with progress. Rows of the result: "paper", the paper's
+/// network (the plate's six numbers three times, z-scored, 18-512-256-3); "direction", ours (direction and log-size);
+/// "history", with the plate's motion over the last quarter of a second and one layer more; and, if there is a pack,
+/// "simulation", its touch network as it came from there, and "fine-tuned", the same trained further on the recordings.
+/// Throws InputError if there are fewer than five contact points, Interrupted.
 std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, const Model* pack,
                                                 const RecordingTrainingPlan& plan);
 

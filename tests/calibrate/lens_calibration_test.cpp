@@ -163,6 +163,18 @@ TEST_CASE("lens calibration: views that do not determine a lens are refused") {
   CHECK(says(refusal(views), "found 5 of 15, expected at least 6"));
 }
 
+TEST_CASE("lens calibration: corners that no lens explains, and a board that was never tilted, are refused") {
+  test::Random random(4);
+  std::vector<BoardView> views;
+  for (const Eigen::Isometry3d& pose : test::good_views(kCamera)) views.push_back(seen_from(pose, random, 4));
+  CHECK(says(refusal(views), "pixels from the best lens"));
+  views.clear();
+  for (int i = 0; i < 12; ++i) {
+    views.push_back(seen_from(test::board_at(kCamera, 0.3 + 0.03 * i, 0.4 + 0.02 * (i % 5), 3, -3, 9 + i), random));
+  }
+  CHECK(says(refusal(views), "tilt"));
+}
+
 TEST_CASE("lens calibration: coverage counts ninths of the picture and tilts, and the advice says what is missing") {
   std::vector<BoardView> views = calibrated().views;
   const LensCalibration lens = calibrated().lens;

@@ -161,6 +161,26 @@ TEST_CASE("touch samples: noise has the spec's deviations along the camera's axe
   for (int i = 0; i < 6; ++i) CHECK(sigma[6 + i] == doctest::Approx(expected[i]).epsilon(0.03));
 }
 
+TEST_CASE("touch samples: one touch in twenty swings, as the square of the height, and turns by its slope") {
+  Random random(3);
+  int swings = 0;
+  for (int i = 0; i < 2000; ++i) {
+    PlateNumbers numbers = PlateNumbers::Zero();
+    add_swing({100, 50, 20}, random, numbers);
+    if (numbers.isZero()) continue;
+    ++swings;
+    CHECK(numbers[6] == doctest::Approx(0.25F * numbers[0]));
+    CHECK(numbers[14] == doctest::Approx(0.04F * numbers[2]));
+    CHECK(numbers[3] == doctest::Approx(0.02F * numbers[2]));    // slope at the top, towards +z about x
+    CHECK(numbers[11] == doctest::Approx(-0.01F * numbers[0]));  // towards +x about -z
+    CHECK((numbers[1] == 0 && numbers[4] == 0));
+  }
+  CHECK(swings == doctest::Approx(100).epsilon(0.25));
+  PlateNumbers numbers = PlateNumbers::Zero();
+  for (int i = 0; i < 100; ++i) add_swing({}, random, numbers);
+  CHECK(numbers.isZero());
+}
+
 TEST_CASE("touch samples: mostly all plates are seen, never none") {
   Random random(4);
   int counts[4] = {}, each[3] = {};

@@ -115,8 +115,8 @@ TEST_CASE("touch stage: a point beside the finger's face, or a radius that says 
   const Touch touch = TouchStage(model.touch).locate(poses_of(kPushed));
   REQUIRE(touch.quality == Quality::kFresh);
   const auto quality = [&](const Vec3f& low_mm, const Vec3f& high_mm) {
-    const std::vector<float> corners_mm = {low_mm.x(),  low_mm.y(),  low_mm.z(), 500, 500, 500,
-                                           high_mm.x(), high_mm.y(), high_mm.z()};
+    const std::vector<float> corners_mm = {low_mm.x(), low_mm.y(),  low_mm.z(),  500,        500,
+                                           500,        high_mm.x(), high_mm.y(), high_mm.z()};
     const std::vector<std::int32_t> front = {0, 2};
     model.shape.rest_mm = corners_mm;
     model.shape.front_nodes = front;

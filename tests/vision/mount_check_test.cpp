@@ -48,8 +48,8 @@ TEST_CASE("mount check: a camera that was knocked is noticed after it stood stil
 
 TEST_CASE("mount check: a camera that only turned is noticed, about any axis") {
   Random random(5);
-  for (const Eigen::Vector3d& w : {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(0, 0.06, 0), Eigen::Vector3d(0, 0, -0.03),
-                                   Eigen::Vector3d(0.15, 0, 0.1)}) {
+  for (const Eigen::Vector3d& w : {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(0, 0.06, 0),
+                                   Eigen::Vector3d(0, 0, -0.03), Eigen::Vector3d(0.15, 0, 0.1)}) {
     MountCheck check;
     CHECK(after(check, MountCheck::kFrames, kNothing, w, random));
   }

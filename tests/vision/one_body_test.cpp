@@ -46,7 +46,8 @@ TEST_CASE("one body: what it leaves is the scatter for a camera's motion, and mo
     for (int trial = 0; trial < 300; ++trial) {
       const auto moved = moved_as_one({1, 0.5, -1}, {0.01, 0, -0.03});
       knocked += body.fit(sight_of(moved, kFocalPx, scatter_px, random), {}).unexplained_sq / 300;
-      const OneBody::Fit fit = body.fit(sight_of(plate_motions(prior.draw(random, 1)), kFocalPx, scatter_px, random), {});
+      const OneBody::Fit fit =
+          body.fit(sight_of(plate_motions(prior.draw(random, 1)), kFocalPx, scatter_px, random), {});
       touched += fit.unexplained_sq / (fit.size_mm * fit.size_mm) / 300;
     }
     CHECK(std::abs(knocked) < 0.2 * std::pow(scatter_px / kFocalPx, 2));

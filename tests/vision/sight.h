@@ -17,14 +17,14 @@ inline PlateSight sight_of(const std::array<PlateMotion, kPlates>& plates, doubl
     const Eigen::Isometry3d T_finger_marker = mount.T_finger_marker[p].cast<double>();
     const Eigen::Vector3d w = plates[p].rotation_rad.cast<double>();
     const double angle = w.norm();
-    const Eigen::Matrix3d R = Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(w / angle) : Eigen::Vector3d::UnitX())
-                                  .toRotationMatrix();
+    const Eigen::Matrix3d R =
+        Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(w / angle) : Eigen::Vector3d::UnitX()).toRotationMatrix();
     for (std::size_t k = 0; k < 4; ++k) {
       const Eigen::Vector3d corner = R * (T_finger_marker.linear() * marker_corner(mount.marker_size_mm, k)) +
                                      T_finger_marker.translation() + plates[p].displacement_mm.cast<double>();
       const Eigen::Vector3d seen = mount.T_finger_camera.cast<double>().inverse() * corner;
-      sight.rays[p][k] = seen.head<2>() / seen.z() +
-                         scatter_px / focal_px * Eigen::Vector2d(random.normal(), random.normal());
+      sight.rays[p][k] =
+          seen.head<2>() / seen.z() + scatter_px / focal_px * Eigen::Vector2d(random.normal(), random.normal());
     }
   }
   return sight;
@@ -35,7 +35,8 @@ inline std::array<PlateMotion, kPlates> moved_as_one(const Eigen::Vector3d& t_mm
   std::array<PlateMotion, kPlates> plates;
   const double angle = w_rad.norm();
   const Eigen::Matrix3d R =
-      Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(w_rad / angle) : Eigen::Vector3d::UnitX()).toRotationMatrix();
+      Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(w_rad / angle) : Eigen::Vector3d::UnitX())
+          .toRotationMatrix();
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Eigen::Vector3d centre = test_mount().T_finger_marker[p].translation().cast<double>();
     plates[p] = {(R * centre + t_mm - centre).cast<float>(), w_rad.cast<float>()};
