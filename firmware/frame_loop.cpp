@@ -25,6 +25,7 @@ const RegisterImage& FrameLoop::step(const Frame& frame) {
   measured_ = measure_poses(frame);
   if (zeroing_.process(measured_)) mount_check_.begin_anew();
   check_mount(frame);
+  shaken_mm_ = shake_.look(measured_, frame.sequence);
   filter_.process(measured_, frame.exposure_ns);
   const PlatePoses& poses = hold_poses(measured_, frame.exposure_ns);
   const std::int64_t poses_ns = steady_now_ns();
@@ -74,7 +75,7 @@ void FrameLoop::check_mount(const Frame& frame) {
 }
 
 const Touch& FrameLoop::locate(const PlatePoses& poses) {
-  return camera_moved_ || one_body_ ? no_touch_ : touch_.locate(poses);
+  return camera_moved_ || one_body_ ? no_touch_ : touch_.locate(poses, shaken_mm_);
 }
 
 // Short gaps (a hand before the light, a lost frame) repeat the last poses, marked as held. Longer ones are a fault,

@@ -10,6 +10,7 @@
 #include "firmware/model/model.h"
 #include "firmware/shape/shape_stage.h"
 #include "firmware/stage_times.h"
+#include "firmware/touch/shake.h"
 #include "firmware/touch/touch_stage.h"
 #include "firmware/vision/vision_stages.h"
 #include "firmware/zero.h"
@@ -70,6 +71,8 @@ class FrameLoop {
   const Touch no_touch_{};  ///< what plates tell that moved as one, and while the camera is not where it was
   Zeroing zeroing_;
   MountCheck mount_check_;
+  Shake shake_;
+  float shaken_mm_ = 0;
   PoseFilter filter_;
   PlatePoses measured_;  ///< of this frame, completed and zeroed
   PlatePoses held_;      ///< the last ones that were fresh

@@ -11,6 +11,9 @@ namespace finsight {
 
 namespace {
 
+// Of Shake's second difference: by how much of it touches of a shaken finger are off (hostgen render --event shaken).
+constexpr float kShift = 0.75F;
+
 // Through double, whose last-digit differences between C libraries vanish in the rounding to float.
 float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
 
@@ -40,7 +43,7 @@ TouchStage::TouchStage(const TouchModel& model) : model_(model) {
   for (std::size_t i = 0; i < 2; ++i) hidden_[i].resize(static_cast<std::size_t>(model.layers[i].outputs));
 }
 
-const Touch& TouchStage::locate(const PlatePoses& poses) {
+const Touch& TouchStage::locate(const PlatePoses& poses, float shaken_mm) {
   if (poses.quality == Quality::kHeld) {
     if (touch_.quality == Quality::kFresh) touch_.quality = Quality::kHeld;
     return touch_;
@@ -53,7 +56,7 @@ const Touch& TouchStage::locate(const PlatePoses& poses) {
   if (touch_.plate_motion_mm < model_.threshold_mm) return touch_;
   touch_.over_range = touch_.plate_motion_mm > model_.range_mm;
   if (touch_.over_range) return touch_;
-  run_network(poses);
+  run_network(poses, shaken_mm);
   return touch_;
 }
 
@@ -64,7 +67,7 @@ bool TouchStage::is_on_face(const Touch& touch) const {
   return touch.radius_68_mm < spread_mm.norm() && face_mm_.exteriorDistance(touch.point_mm) <= 2 * touch.radius_68_mm;
 }
 
-void TouchStage::run_network(const PlatePoses& poses) {
+void TouchStage::run_network(const PlatePoses& poses, float shaken_mm) {
   std::array<float, TouchModel::kInputs> inputs;
   std::array<float, TouchModel::kOutputs> outputs;
   touch_features(model_, plate_numbers(poses), noise_of(poses), inputs);
@@ -81,6 +84,10 @@ void TouchStage::run_network(const PlatePoses& poses) {
   touch.force_n = std::max(outputs[6], 0.0f);
   const Vec3f sigma_mm(exp_float(outputs[7]), exp_float(outputs[8]), exp_float(outputs[9]));
   touch.radius_68_mm = calibrated_radius_mm(model_.radius_curve, touch_.plate_motion_mm, sigma_mm.norm());
+  if (shaken_mm > 0) {
+    const float shift_mm = kShift * shaken_mm;
+    touch.radius_68_mm = std::sqrt(touch.radius_68_mm * touch.radius_68_mm + shift_mm * shift_mm);
+  }
   touch.force_sigma_n = exp_float(outputs[10]);
   // Motions far beyond any finger's overflow somewhere on the way; what comes out then is no touch.
   const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(outputs[6]) &&

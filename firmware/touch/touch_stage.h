@@ -27,10 +27,11 @@ class TouchStage {
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
   /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face;
   /// the model's radius curve makes it hold 68 % of the errors on held-out contact points, whatever the plate motion.
-  const Touch& locate(const PlatePoses& poses);
+  /// `shaken_mm`, see Shake, widens the radius: the network knows fingers that stand still.
+  const Touch& locate(const PlatePoses& poses, float shaken_mm = 0);
 
  private:
-  void run_network(const PlatePoses& poses);
+  void run_network(const PlatePoses& poses, float shaken_mm);
 
   bool is_on_face(const Touch& touch) const;
 

@@ -133,6 +133,13 @@ TEST_CASE("touch stage: a point beside the finger's face, or a radius that says 
   CHECK(quality(touch.point_mm - far, touch.point_mm + far) == Quality::kInvalid);
 }
 
+TEST_CASE("touch stage: the radius of a shaken finger's touch is wider, its place the same") {
+  TouchStage stage(trained().model.view());
+  const Touch calm = stage.locate(poses_of(kPushed)), shaken = stage.locate(poses_of(kPushed), 4);
+  CHECK(shaken.point_mm == calm.point_mm);
+  CHECK(shaken.radius_68_mm == doctest::Approx(std::hypot(calm.radius_68_mm, 3)));
+}
+
 TEST_CASE("touch stage: held poses repeat the last touch as held, invalid ones end it") {
   TouchStage stage(trained().model.view());
   PlatePoses poses = poses_of(kPushed);
