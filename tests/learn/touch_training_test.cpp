@@ -27,7 +27,7 @@ TouchTraining train(int steps, const FemDataset& dataset = test::synthetic_datas
 }
 
 const TouchTraining& trained() {
-  static const TouchTraining training = train(600);
+  static const TouchTraining training = train(1200);
   return training;
 }
 
