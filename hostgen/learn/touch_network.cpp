@@ -104,8 +104,8 @@ TouchModel TouchModelData::view() const {
 
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient) {
-  // One wild sample must not throw the predicted deviations off.
-  constexpr float kLargestSquare = 25.0f;
+  // One wild sample, such as a swing that looks like a touch elsewhere, must not throw means and deviations off.
+  constexpr float kLargestError = 5.0f, kLargestSquare = kLargestError * kLargestError;
   const float share = 1.0f / static_cast<float>(outputs.cols());
   gradient.setZero(outputs.rows(), outputs.cols());
   gradient.topRows<kMeans>() = share * (outputs.topRows<kMeans>() - targets);
@@ -117,7 +117,7 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
       const int mean = kWithSigma[static_cast<std::size_t>(k)];
       const float sigma = std::exp(outputs(kMeans + k, s));
       const float error = (outputs(mean, s) - targets(mean, s)) / sigma;
-      gradient(mean, s) = share * error;
+      gradient(mean, s) = share * std::clamp(error, -kLargestError, kLargestError);
       gradient(kMeans + k, s) = share * sigma * (1.0f - std::min(error * error, kLargestSquare));
     }
   }

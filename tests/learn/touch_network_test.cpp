@@ -75,11 +75,12 @@ TEST_CASE("touch network: the first part of the training sees squared errors onl
   CHECK(gradient.bottomRows(4).norm() == 0);
 }
 
-TEST_CASE("touch network: a wild sample pulls a predicted deviation only so far") {
+TEST_CASE("touch network: a wild sample pulls a mean and its deviation only so far") {
   Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(11, 1), targets = Eigen::MatrixXf::Zero(7, 1), gradient;
   targets(0, 0) = 1e4f;
   touch_loss_gradient(outputs, targets, true, gradient);
   CHECK(double(gradient(7, 0)) == doctest::Approx(-24));
+  CHECK(double(gradient(0, 0)) == doctest::Approx(-5));
 }
 
 namespace {
