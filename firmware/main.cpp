@@ -18,13 +18,15 @@
 #include <utility>
 #include <vector>
 
-#include "firmware/appliance.h"
-#include "firmware/commands.h"
-#include "firmware/frame_loop.h"
+#include "firmware/device/commands.h"
+#include "firmware/device/network_file.h"
+#include "firmware/device/outputs.h"
+#include "firmware/device/realtime.h"
+#include "firmware/device/supervisor.h"
 #include "firmware/input_error.h"
-#include "firmware/outputs.h"
-#include "firmware/self_test.h"
-#include "firmware/settings.h"
+#include "firmware/loop/frame_loop.h"
+#include "firmware/loop/self_test.h"
+#include "firmware/settings/settings.h"
 
 namespace {
 
@@ -76,9 +78,9 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments.settings.empty() ? std::nullopt : std::optional(arguments);
 }
 
-void print_news(const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); }
+void log_message(const std::string& news) { std::fprintf(stderr, "finsightd: %s\n", news.c_str()); }
 
-/// What the pictures are seen through; nothing where there are none.
+/// What the images are seen through; nothing where there are none.
 std::optional<CameraModel> lens_of(const Settings& settings, const Model& model) {
   if (settings.source == Settings::Source::kCamera) return settings.lens;
   if (settings.source == Settings::Source::kPoses) return std::nullopt;
@@ -102,18 +104,18 @@ std::unique_ptr<Camera> open_camera(const Settings& settings) {
     case Settings::Source::kCamera:
       break;
   }
-  return open_live_camera(settings.live, print_news);
+  return open_live_camera(settings.camera, log_message);
 }
 
-/// What a recording holds beside its pictures; nothing where there are none.
+/// What a recording holds beside its images; nothing where there are none.
 std::optional<SessionInfo> recording_info(const Settings& settings, const Model& model) {
   if (settings.source == Settings::Source::kPoses) return std::nullopt;
   if (settings.source == Settings::Source::kSession) return read_session_info(settings.replay.path);
   const CameraModel& lens = settings.lens;
   SessionInfo info;
-  info.width_px = settings.live.width_px;
-  info.height_px = settings.live.height_px;
-  info.frames_per_second = settings.live.frames_per_second;
+  info.width_px = settings.camera.width_px;
+  info.height_px = settings.camera.height_px;
+  info.frames_per_second = settings.camera.frames_per_second;
   info.fx_fy_cx_cy = {lens.fx, lens.fy, lens.cx, lens.cy};
   info.k1_k2_p1_p2_k3 = {lens.k1, lens.k2, lens.p1, lens.p2, lens.k3};
   info.marker_dictionary = "DICT_4X4_50";
@@ -125,12 +127,12 @@ std::optional<SessionInfo> recording_info(const Settings& settings, const Model&
 /// What clients saved. If that cannot be used, the factory settings, and a fault until a client says that it knows.
 /// `loop`: shows the fault if they are refused; none in safe mode.
 SavedState load_saved(const Settings& settings, FrameLoop* loop) {
-  const SavedState factory{settings.loop.live, std::nullopt};
+  const SavedState factory{settings.loop.runtime, std::nullopt};
   if (settings.saved_state.empty()) return factory;
   try {
     return load_state(settings.saved_state).value_or(factory);
   } catch (const InputError& error) {
-    print_news(std::string(error.what()) + "; the factory settings are used");
+    log_message(std::string(error.what()) + "; the factory settings are used");
     if (loop) loop->set_lasting_fault(FaultCode::kSavedSettings);
     return factory;
   }
@@ -151,7 +153,7 @@ class Outputs {
   Outputs(const Outputs&) = delete;
   Outputs& operator=(const Outputs&) = delete;
 
-  bool set(const RegisterImage& image, const LiveSettings& settings) {
+  bool set(const RegisterImage& image, const RuntimeSettings& settings) {
     return !gpio_ || gpio_->set(filter_->next(image.words[0], settings, steady_now_ns()));
   }
   bool trigger_rises() { return gpio_ && trigger_.rises(gpio_->trigger()); }
@@ -197,7 +199,7 @@ class RegisterLog {
 /// Without a frame for so long, clients hear of a fault: six frame times at 60 frames/s, three at slow cameras.
 int frame_timeout_ms(const Settings& settings) {
   const bool is_live = settings.source == Settings::Source::kCamera;
-  return std::max(100, is_live ? static_cast<int>(3000 / settings.live.frames_per_second) : 0);
+  return std::max(100, is_live ? static_cast<int>(3000 / settings.camera.frames_per_second) : 0);
 }
 
 /// What works together while frames come.
@@ -221,7 +223,7 @@ bool run(Device device, int timeout_ms) {
     Frame frame;
     const bool has_frame = device.camera.next(frame, timeout_ms);
     if (!has_frame && device.camera.ended()) break;
-    device.commands.turn();
+    device.commands.poll();
     if (device.outputs.trigger_rises()) device.commands.trigger();
     const std::int64_t now_ns = steady_now_ns();
     const RegisterImage& image = has_frame ? device.loop.step(frame) : device.loop.step_without_frame(now_ns);
@@ -238,11 +240,11 @@ bool run(Device device, int timeout_ms) {
 }
 
 /// As the settings want it; where that is not possible, where a client looks first.
-std::unique_ptr<ModbusServer> open_server_anyhow(const ModbusSettings& settings, Control& control) {
+std::unique_ptr<ModbusServer> open_server_with_fallback(const ModbusSettings& settings, Control& control) {
   try {
-    return std::make_unique<ModbusServer>(settings, control, print_news);
+    return std::make_unique<ModbusServer>(settings, control, log_message);
   } catch (const std::system_error& error) {
-    print_news(error.what());
+    log_message(error.what());
     return std::make_unique<ModbusServer>(ModbusSettings{.address = "0.0.0.0", .port = 502}, control);
   }
 }
@@ -252,7 +254,7 @@ constexpr int kStartAgain = -1;
 
 /// The firmware cannot work: clients see why. Needs no model and no camera, and settings only as far as they are good.
 /// Of the commands only reset is carried out; it ends safe mode by ending the program.
-int serve_fault(const Arguments& arguments) {
+int run_safe_mode(const Arguments& arguments) {
   LoopState state;
   state.fault = arguments.safe_mode == "2" ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly;
   const Settings settings = read_good_parts(arguments.settings, arguments.user);
@@ -261,12 +263,12 @@ int serve_fault(const Arguments& arguments) {
     outputs.emplace(settings.gpio);
     read_settings(arguments.settings, arguments.user);
   } catch (const std::exception& error) {
-    print_news(error.what());
+    log_message(error.what());
   }
-  Control control(settings.write_key, settings.loop.live, load_saved(settings, nullptr).settings);
-  const auto server = open_server_anyhow(settings.modbus, control);
-  print_news("SAFE MODE, fault " + std::to_string(static_cast<int>(state.fault)) + "; Modbus TCP on port " +
-             std::to_string(server->port()));
+  Control control(settings.write_key, settings.loop.runtime, load_saved(settings, nullptr).settings);
+  const auto server = open_server_with_fallback(settings.modbus, control);
+  log_message("SAFE MODE, fault " + std::to_string(static_cast<int>(state.fault)) + "; Modbus TCP on port " +
+              std::to_string(server->port()));
   Supervisor().ready();
   RegisterImage image;
   while (!stop_requested) {
@@ -296,7 +298,7 @@ int write_network(const Arguments& arguments) {
 }
 
 int start(const Arguments& arguments) {
-  if (!arguments.safe_mode.empty()) return serve_fault(arguments);
+  if (!arguments.safe_mode.empty()) return run_safe_mode(arguments);
   if (!arguments.network.empty()) return write_network(arguments);
   if (arguments.safe_outputs) {
     const Outputs outputs(read_good_parts(arguments.settings, arguments.user).gpio);  // takes the lines at safe levels
@@ -307,20 +309,22 @@ int start(const Arguments& arguments) {
   check_self_test(model);
   std::fprintf(stderr, "finsightd: model %s (%d tets) passed its self-test\n", model.finger_name.c_str(),
                model.shape.tets);
-  FrameLoop loop(model, lens_of(settings, model), settings.loop);
+  LoopSettings loop_settings = settings.loop;
+  if (settings.mount) loop_settings.mount = corrected_mount(model.mount, *settings.mount);
+  FrameLoop loop(model, lens_of(settings, model), loop_settings);
   const auto camera = open_camera(settings);
   const SavedState saved = load_saved(settings, &loop);
   if (arguments.check) return 0;
   std::optional<StateSaver> saver;
   if (!settings.saved_state.empty()) saver.emplace(settings.saved_state);
   std::optional<Recorder> recorder;
-  const auto pictures = recording_info(settings, model);
-  if (!settings.recordings.empty() && pictures) recorder.emplace(settings.recordings, *pictures);
+  const auto images = recording_info(settings, model);
+  if (!settings.recordings.empty() && images) recorder.emplace(settings.recordings, *images);
   Outputs outputs(settings.gpio);
-  Control control(settings.write_key, settings.loop.live, saved.settings);
+  Control control(settings.write_key, settings.loop.runtime, saved.settings);
   Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved,
                     std::int64_t{1'000'000} * frame_timeout_ms(settings));
-  ModbusServer server(settings.modbus, control, print_news);
+  ModbusServer server(settings.modbus, control, log_message);
   std::fprintf(stderr, "finsightd: Modbus TCP on %s:%d\n", settings.modbus.address.c_str(), server.port());
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
@@ -331,11 +335,11 @@ int start(const Arguments& arguments) {
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
   if (commands.reset_is_ordered() && !stop_requested) {
-    print_news("a client ordered a reset");
+    log_message("a client ordered a reset");
     return kStartAgain;
   }
   if (!camera->ended() || camera->error().empty()) return 0;
-  print_news(camera->error());
+  log_message(camera->error());
   return 2;
 }
 
@@ -353,17 +357,17 @@ int main(int argc, char** argv) {
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);
   try {
-    const OrdinaryThread before;
+    const SchedulingSnapshot before;
     for (;;) {
       const int code = start(*arguments);
       if (code != kStartAgain) return code;
       before.restore();
     }
   } catch (const InputError& error) {
-    print_news(error.what());
+    log_message(error.what());
     return 2;
   } catch (const std::exception& error) {
-    print_news(error.what());
+    log_message(error.what());
     return 1;
   }
 }

@@ -10,6 +10,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <span>
 
@@ -24,6 +25,19 @@ enum Plate : int { kTopPlate = 0, kMiddlePlate = 1, kLowPlate = 2 };
 /// As files and messages call them.
 inline constexpr std::array<const char*, kPlates> kPlateNames = {"top", "middle", "low"};
 
+/// The motions of all plates as one vector: for each plate (top, middle, low) its displacement x y z in mm, then its
+/// rotation vector x y z in radians.
+inline constexpr int kPoseDims = 6 * kPlates;
+template <class S>
+using PoseVectorOf = Eigen::Matrix<S, kPoseDims, 1>;
+using PoseVector = PoseVectorOf<float>;
+
+/// The clock of every time stamp here: nanoseconds, monotonic, not wall time.
+inline std::int64_t steady_now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
 /// How much a value may be trusted: measured from this frame, repeated from an earlier one, or not to be used.
 enum class Quality : std::uint8_t { kInvalid, kHeld, kFresh };
 
@@ -36,17 +50,17 @@ struct PlateMotion {
 
 struct PlatePoses {
   std::array<PlateMotion, kPlates> plates;
-  std::array<bool, kPlates>
-      seen{};  ///< false: that plate's motion is completed from the seen ones by the model's prior
+  /// False: that plate's motion is completed from the seen ones by the model's prior.
+  std::array<bool, kPlates> seen{};
   std::array<float, kPlates> reprojection_px{};  ///< RMS distance of the corners from their reprojection
-  std::array<float, kPlates> noise{1, 1,
-                                   1};  ///< of seen plates: standard deviation over the pack's (PlatePrior::noise)
+  /// Of seen plates: the measurement's standard deviation, relative to the pack's (PlatePrior::noise).
+  std::array<float, kPlates> noise{1, 1, 1};
   Quality quality = Quality::kInvalid;
 
   int seen_count() const { return int{seen[0]} + int{seen[1]} + int{seen[2]}; }
 };
 
-/// What the camera delivers: a grey picture (8 bit, borrowed, valid during one step), or, when a file of recorded plate
+/// What the camera delivers: a grey image (8 bit, borrowed, valid during one step), or, when a file of recorded plate
 /// motions is replayed, the plates themselves; then `grey` is null and `poses` is set.
 struct Frame {
   const std::uint8_t* grey = nullptr;

@@ -3,8 +3,8 @@
 #include <cstdio>
 
 #include "firmware/input_error.h"
-#include "hostgen/commands.h"
-#include "hostgen/common.h"
+#include "hostgen/commands/commands.h"
+#include "hostgen/util/common.h"
 
 int main(int argc, char** argv) {
   using namespace finsight;

@@ -63,7 +63,7 @@ Exception Control::write(int first, std::span<const std::uint16_t> words, const 
   const std::lock_guard lock(mutex_);
   if (first == kKeyRegister) return write_key(words[0], access.address, now_ns);
   if (now_ns >= unlocked_until_ns(access.address)) return Exception::kIllegalFunction;
-  LiveSettings settings = settings_;
+  RuntimeSettings settings = settings_;
   std::uint16_t command = command_, sequence = sequence_;
   for (std::size_t i = 0; i < words.size(); ++i) {
     const int address = first + static_cast<int>(i);

@@ -9,8 +9,8 @@
 #include <optional>
 #include <span>
 
-#include "firmware/modbus/latest.h"
 #include "firmware/modbus/registers.h"
+#include "firmware/modbus/triple_buffer.h"
 
 namespace finsight {
 
@@ -42,9 +42,9 @@ inline constexpr std::int64_t kUnlocked_ns = 30'000'000'000;
 /// order and never waits. One command at a time: while it runs, other writes are refused as busy.
 class Control {
  public:
-  explicit Control(std::uint16_t key = kDefaultWriteKey, const LiveSettings& factory = {})
+  explicit Control(std::uint16_t key = kDefaultWriteKey, const RuntimeSettings& factory = {})
       : Control(key, factory, factory) {}
-  Control(std::uint16_t key, const LiveSettings& factory, const LiveSettings& current)
+  Control(std::uint16_t key, const RuntimeSettings& factory, const RuntimeSettings& current)
       : key_(key), factory_(factory), settings_(current), to_loop_(current) {}
 
   /// For clients' threads. `first` is an address; all `words` lie inside the block.
@@ -53,7 +53,7 @@ class Control {
   Exception write(int first, std::span<const std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
 
   /// For the frame loop's thread, wait-free.
-  const LiveSettings& settings() { return to_loop_.read(); }
+  const RuntimeSettings& settings() { return to_loop_.read(); }
   std::optional<Command> take_command();  ///< the one that was ordered; then finish() must be called, once
   void finish(CommandResult result);
   /// A block whose exposure lies longer back is stalled: the firmware hangs, or has no processor. That a camera is
@@ -64,7 +64,7 @@ class Control {
     return is_measured && now_ns - image.exposure_ns > stale_after_ns_;
   }
   void show_recording(std::uint16_t state) { recording_ = state; }  ///< register 1005
-  const LiveSettings& factory() const { return factory_; }
+  const RuntimeSettings& factory() const { return factory_; }
 
  private:
   Exception write_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns);
@@ -73,16 +73,16 @@ class Control {
 
   static constexpr std::uint32_t kNoOrder = 0xFFFF'FFFF;
   const std::uint16_t key_;
-  const LiveSettings factory_;
+  const RuntimeSettings factory_;
   std::mutex mutex_;  ///< among clients' threads
   struct Unlocked {
     std::uint32_t client = 0;
     std::int64_t until_ns = 0;
   };
   std::array<Unlocked, 16> unlocked_;  ///< the last ones; who writes the key when it is full takes the oldest's place
-  LiveSettings settings_;
+  RuntimeSettings settings_;
   std::uint16_t command_ = 0, sequence_ = 0;
-  Latest<LiveSettings> to_loop_;
+  TripleBuffer<RuntimeSettings> to_loop_;
   std::atomic<std::uint32_t> order_{kNoOrder};
   std::uint16_t taken_sequence_ = 0;      ///< of the running command
   std::atomic<bool> busy_{false};         ///< from the order to the result

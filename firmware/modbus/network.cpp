@@ -22,6 +22,11 @@ std::optional<Network> Network::parse(const std::string& text) {
   return Network{ntohl(address.s_addr), mask};
 }
 
+bool is_ipv4(const std::string& text, bool with_prefix) {
+  const std::optional<Network> network = Network::parse(text);
+  return network && (text.find('/') != std::string::npos) == with_prefix && network->mask != 0;
+}
+
 bool is_listed(const std::vector<Network>& list, std::uint32_t client) {
   return list.empty() || std::ranges::any_of(list, [&](const Network& n) { return n.contains(client); });
 }

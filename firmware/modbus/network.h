@@ -15,6 +15,9 @@ struct Network {
   bool contains(std::uint32_t client) const { return (client & mask) == (address & mask); }
 };
 
+/// Dotted decimal, with a prefix length ("/24", at least 1) or without.
+bool is_ipv4(const std::string& text, bool with_prefix);
+
 /// An empty list is everybody.
 bool is_listed(const std::vector<Network>& list, std::uint32_t client);
 

@@ -36,8 +36,8 @@ inline constexpr RegisterRow kMeasurementTable[] = {
     {1, "fault", RegisterType::kUint16, 1, "code",
      "0 none, 1 camera lost, 2 markers lost, 3 solver failed, 4 self-test failed, 5 settings or model refused (safe "
      "mode), 6 failed repeatedly (safe mode), 7 saved settings refused (factory settings in use; "
-     "until command 3), 8 stalled (no new result; all values are old), 9 camera frozen (the same picture again and "
-     "again), 10 picture too dark, 11 picture too bright, 12 picture out of focus, "
+     "until command 3), 8 stalled (no new result; all values are old), 9 camera frozen (the same image again and "
+     "again), 10 image too dark, 11 image too bright, 12 image out of focus, "
      "13 camera moved (mount it again, then zero)"},
     {2, "heartbeat", RegisterType::kUint16, 1, "", "+1 with every published result, wraps"},
     {3, "age", RegisterType::kUint16, 0.1, "ms", "from exposure to the moment of this read; 65535: no result yet"},

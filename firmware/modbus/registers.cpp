@@ -145,7 +145,7 @@ bool is_reached(bool before, double value, std::uint16_t on, std::uint16_t off) 
 
 }  // namespace
 
-bool are_valid(const LiveSettings& settings) {
+bool are_valid(const RuntimeSettings& settings) {
   for (int i = 0; i < kSettingCount; ++i) {
     const std::uint16_t word = settings.words[static_cast<std::size_t>(i)];
     if (word < setting_row(i).lowest || word > setting_row(i).highest) return false;
@@ -154,8 +154,8 @@ bool are_valid(const LiveSettings& settings) {
          settings[kOverloadOn] > settings[kOverloadOff];
 }
 
-Limits next_limits(const Limits& before, const FingerShape& shape, const Touch& touch, float rated_deformation_mm,
-                   const LiveSettings& settings) {
+ThresholdState next_threshold_state(const ThresholdState& before, const FingerShape& shape, const Touch& touch,
+                                    float rated_deformation_mm, const RuntimeSettings& settings) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   const double force = is_valid(touch) ? kCountsPerN * static_cast<double>(touch.force_n) : kNan;
   const double level = is_valid(shape) && rated_deformation_mm > 0 ? 1000.0 * static_cast<double>(shape.front_rms_mm) /

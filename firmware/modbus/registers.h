@@ -45,22 +45,22 @@ enum class FaultCode : std::uint16_t {
 };
 
 /// What clients can change while the device works: the settings as their registers hold them.
-struct LiveSettings {
+struct RuntimeSettings {
   std::array<std::uint16_t, kSettingCount> words;
 
-  LiveSettings() {
+  RuntimeSettings() {
     for (int i = 0; i < kSettingCount; ++i) words[static_cast<std::size_t>(i)] = setting_row(i).factory;
   }
   std::uint16_t& operator[](Setting setting) { return words[setting]; }
   std::uint16_t operator[](Setting setting) const { return words[setting]; }
-  bool operator==(const LiveSettings&) const = default;
+  bool operator==(const RuntimeSettings&) const = default;
 };
 
 /// Every setting in its range, and every threshold's "on" above its "off".
-bool are_valid(const LiveSettings& settings);
+bool are_valid(const RuntimeSettings& settings);
 
 /// Register 44. Each is set at its "on" threshold and cleared below its "off" one.
-struct Limits {
+struct ThresholdState {
   bool contact = false, gentle = false, overload = false;
 };
 
@@ -74,16 +74,16 @@ struct LoopState {
   bool camera_fault = false;
   FaultCode fault = FaultCode::kNone;
   bool zeroed = false, settings_unsaved = false;
-  Limits limits;
+  ThresholdState limits;
   std::uint32_t model_checksum = 0;
   float rated_deformation_mm = 1;
-  LiveSettings settings;
+  RuntimeSettings settings;
 };
 
 /// The limits of this frame, with those of the frame before. A finger that is bent further than can be measured is in
 /// contact. Without a valid value a limit is not reached.
-Limits next_limits(const Limits& before, const FingerShape& shape, const Touch& touch, float rated_deformation_mm,
-                   const LiveSettings& settings);
+ThresholdState next_threshold_state(const ThresholdState& before, const FingerShape& shape, const Touch& touch,
+                                    float rated_deformation_mm, const RuntimeSettings& settings);
 
 /// Writes the whole measurement block (register_table.h). A measured value that is not valid or not finite
 /// becomes -32768 (int16), 65535 (uint16) or NaN (float32); one out of range saturates just short of that. Register 3

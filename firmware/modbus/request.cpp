@@ -21,9 +21,9 @@ enum Function : std::uint8_t {
   kEncapsulatedInterface = 43
 };
 
-constexpr int kMostRegistersPerRead = 125;
-constexpr int kMostRegistersPerWrite = 123;      // of function 16
-constexpr int kMostRegistersPerReadWrite = 121;  // written by function 23
+constexpr int kMaxRegistersPerRead = 125;
+constexpr int kMaxRegistersPerWrite = 123;      // of function 16
+constexpr int kMaxRegistersPerReadWrite = 121;  // written by function 23
 
 std::size_t exception(Request request, Exception code, Reply reply) {
   reply[0] = request[0] | 0x80;
@@ -39,7 +39,7 @@ bool is_in_control(int address, int quantity) {
 
 /// Sections 6.3 and 6.4: the quantity is judged before the address.
 Exception check_read(int address, int quantity) {
-  if (quantity < 1 || quantity > kMostRegistersPerRead) return Exception::kIllegalValue;
+  if (quantity < 1 || quantity > kMaxRegistersPerRead) return Exception::kIllegalValue;
   const bool exists = address + quantity <= kMeasurementRegisters || is_in_control(address, quantity);
   return exists ? Exception::kNone : Exception::kIllegalAddress;
 }
@@ -47,7 +47,7 @@ Exception check_read(int address, int quantity) {
 /// Registers that exist, as a reply of function 3, 4 or 23.
 std::size_t reply_words(Request request, int address, int quantity, const DeviceView& device,
                         const ClientAccess& access, Reply reply) {
-  std::array<std::uint16_t, kMostRegistersPerRead> buffer;
+  std::array<std::uint16_t, kMaxRegistersPerRead> buffer;
   const std::span<std::uint16_t> words(buffer.data(), static_cast<std::size_t>(quantity));
   if (address < kMeasurementRegisters) {
     std::copy_n(device.image.words.begin() + address, quantity, words.begin());
@@ -68,7 +68,7 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
 Exception write_words(Request request, std::size_t at, int address, int quantity, const DeviceView& device,
                       const ClientAccess& access) {
   if (!is_in_control(address, quantity)) return Exception::kIllegalAddress;
-  std::array<std::uint16_t, kMostRegistersPerWrite> words;
+  std::array<std::uint16_t, kMaxRegistersPerWrite> words;
   for (int i = 0; i < quantity; ++i) {
     words[static_cast<std::size_t>(i)] =
         static_cast<std::uint16_t>(word_at(request, at + 2 * static_cast<std::size_t>(i)));
@@ -99,7 +99,7 @@ std::size_t write_one(Request request, const DeviceView& device, const ClientAcc
 std::size_t write_many(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   constexpr std::size_t kHeader = 6;
   const int quantity = request.size() < kHeader ? 0 : word_at(request, 3);
-  if (quantity < 1 || quantity > kMostRegistersPerWrite || request[5] != 2 * quantity ||
+  if (quantity < 1 || quantity > kMaxRegistersPerWrite || request[5] != 2 * quantity ||
       request.size() != kHeader + request[5]) {
     return exception(request, Exception::kIllegalValue, reply);
   }
@@ -111,7 +111,7 @@ std::size_t write_many(Request request, const DeviceView& device, const ClientAc
 std::size_t read_and_write(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   constexpr std::size_t kHeader = 10;
   const int quantity = request.size() < kHeader ? 0 : word_at(request, 7);
-  if (quantity < 1 || quantity > kMostRegistersPerReadWrite || request[9] != 2 * quantity ||
+  if (quantity < 1 || quantity > kMaxRegistersPerReadWrite || request[9] != 2 * quantity ||
       request.size() != kHeader + request[9]) {
     return exception(request, Exception::kIllegalValue, reply);
   }

@@ -19,9 +19,8 @@ struct DeviceView {
   Control& control;
   std::int64_t now_ns;  ///< steady clock; the image's age is that of this moment
 };
-inline DeviceView view_now(Latest<RegisterImage>& latest, Control& control) {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  DeviceView view{latest.read(), control, std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()};
+inline DeviceView view_now(TripleBuffer<RegisterImage>& latest, Control& control) {
+  DeviceView view{latest.read(), control, steady_now_ns()};
   set_age(view.image, view.now_ns);
   if (control.is_stalled(view.image, view.now_ns)) mark_stalled(view.image);
   return view;

@@ -15,8 +15,8 @@
 #include <thread>
 #include <utility>
 
-#include "firmware/modbus/latest.h"
 #include "firmware/modbus/request.h"
+#include "firmware/modbus/triple_buffer.h"
 
 namespace finsight {
 
@@ -181,7 +181,7 @@ struct SerialLine::Impl {
   std::unique_ptr<modbus_t, decltype(&modbus_free)> line{nullptr, &modbus_free};
   std::array<std::uint8_t, kLargestFrame> bytes;
   std::size_t used = 0;
-  Latest<RegisterImage> latest{empty_block()};
+  TripleBuffer<RegisterImage> latest{empty_block()};
   std::thread thread;
 };
 

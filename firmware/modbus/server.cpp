@@ -19,9 +19,9 @@
 #include <utility>
 #include <vector>
 
-#include "firmware/modbus/latest.h"
 #include "firmware/modbus/request.h"
 #include "firmware/modbus/serial_line.h"
+#include "firmware/modbus/triple_buffer.h"
 
 namespace finsight {
 
@@ -42,11 +42,6 @@ constexpr int kAcceptsPerTurn = 8;
 // What the kernel may keep for one client: more than a hundred requests, but little for 32 hostile clients together.
 constexpr int kReceiveBuffer_bytes = 16 * 1024;
 constexpr int kSendBuffer_bytes = 64 * 1024;
-
-std::int64_t now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
 
 class Descriptor {
  public:
@@ -146,7 +141,7 @@ struct ModbusServer::Impl {
   // has sent beyond that stays in the kernel's buffer until the next turn.
   void run() {
     for (;;) {
-      const std::int64_t turn_ns = now_ns();
+      const std::int64_t turn_ns = steady_now_ns();
       choose_polled(turn_ns);
       const int ready = ::poll(polled.data(), polled.size(), kTick_ms);
       assert(ready >= 0 || errno == EINTR);  // after an interruption all answers are 0: an empty turn
@@ -176,12 +171,12 @@ struct ModbusServer::Impl {
       if (!socket.is_open()) {
         // Out of descriptors or memory the listener stays ready; without a rest the thread would spin.
         const bool is_passing = errno == EAGAIN || errno == EINTR || errno == ECONNABORTED;
-        if (!is_passing) accept_after_ns = now_ns() + kAcceptRest_ns;
+        if (!is_passing) accept_after_ns = steady_now_ns() + kAcceptRest_ns;
         return;
       }
       const std::uint32_t address = ntohl(from.sin_addr.s_addr);
       if (!is_listed(settings.allow, address)) continue;  // closed at once
-      const std::int64_t accepted_ns = now_ns();
+      const std::int64_t accepted_ns = steady_now_ns();
       Client* const place = place_for_newcomer(accepted_ns);
       if (!place) continue;               // one too many: closed at once
       place->socket = std::move(socket);  // and with it goes who had the place
@@ -213,13 +208,13 @@ struct ModbusServer::Impl {
       if (got < 0) return errno == EAGAIN || errno == EINTR;
       if (got == 0) return false;
       // The clock of a frame starts with its first byte and is not wound up by further ones.
-      if (client.used == 0) client.deadline_ns = std::min(client.deadline_ns, now_ns() + kFrameLimit_ns);
+      if (client.used == 0) client.deadline_ns = std::min(client.deadline_ns, steady_now_ns() + kFrameLimit_ns);
       client.used += static_cast<std::size_t>(got);
       if (client.used == kHeader && !client.header_is_good()) return false;
     }
     const bool answered = answer(client);
     client.used = 0;
-    client.active_ns = now_ns();
+    client.active_ns = steady_now_ns();
     client.has_asked = true;
     client.deadline_ns = client.active_ns + idle_limit_ns;
     return answered;
@@ -259,7 +254,7 @@ struct ModbusServer::Impl {
   std::vector<Client> clients;
   std::vector<pollfd> polled;
   std::int64_t accept_after_ns = 0;
-  Latest<RegisterImage> latest{empty_block()};
+  TripleBuffer<RegisterImage> latest{empty_block()};
   std::unique_ptr<SerialLine> serial;
   std::thread thread;
 };

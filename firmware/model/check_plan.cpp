@@ -13,7 +13,7 @@ using Indices = std::span<const std::int32_t>;
 using Block = std::pair<std::int32_t, std::int32_t>;  // column, row; both elimination positions
 
 // Sum of all frontal matrices in scalars (256 MiB of floats), about ten times that of a mesh of 15,000 tets.
-constexpr std::int64_t kMostFrontScalars = std::int64_t{1} << 26;
+constexpr std::int64_t kMaxFrontScalars = std::int64_t{1} << 26;
 
 Indices slice(Indices items, Indices starts, std::size_t i) {
   return items.subspan(static_cast<std::size_t>(starts[i]), static_cast<std::size_t>(starts[i + 1] - starts[i]));
@@ -99,8 +99,8 @@ void check_rows(const SafetensorsFile& file, const CholeskyPlan& plan) {
     }
     const std::int64_t front = 3 * (end - first + static_cast<std::int64_t>(rows.size()));
     scalars += front * front;
-    if (scalars > kMostFrontScalars) {
-      file.refuse(tensor::kRows, "a factor of over " + std::to_string(kMostFrontScalars) + " numbers", "a smaller one");
+    if (scalars > kMaxFrontScalars) {
+      file.refuse(tensor::kRows, "a factor of over " + std::to_string(kMaxFrontScalars) + " numbers", "a smaller one");
     }
   }
 }

@@ -10,11 +10,11 @@ namespace finsight {
 
 namespace {
 
-constexpr float kReach_mm = 1000;                          // every coordinate of a finger and its camera
-constexpr float kLargestMotion_mm = 200;                   // of a plate in the self-test
-constexpr double kSmallestTetMm3 = 1e-6;                   // a flatter one has no inverse that means anything in float
-constexpr float kLeastNoise = 1e-9f, kLargestNoise = 100;  // mm or rad
-constexpr int kMarkerIds = 50;                             // DICT_4X4_50
+constexpr float kReach_mm = 1000;                        // every coordinate of a finger and its camera
+constexpr float kLargestMotion_mm = 200;                 // of a plate in the self-test
+constexpr double kSmallestTetMm3 = 1e-6;                 // a flatter one has no inverse that means anything in float
+constexpr float kMinNoise = 1e-9f, kLargestNoise = 100;  // mm or rad
+constexpr int kMarkerIds = 50;                           // DICT_4X4_50
 constexpr std::uint8_t kLastKind = 1 + kPlates;
 
 void check_tets(const SafetensorsFile& file, const ShapeModel& shape) {
@@ -106,7 +106,7 @@ void check_prior(const SafetensorsFile& file, const PlatePrior& prior) {
     file.refuse(tensor::kPriorCovariance, "a matrix that is not positive definite",
                 "a symmetric positive definite one");
   }
-  check_range(file, tensor::kPriorNoise, prior.noise, kLeastNoise, kLargestNoise);
+  check_range(file, tensor::kPriorNoise, prior.noise, kMinNoise, kLargestNoise);
 }
 
 void check_self_test_values(const SafetensorsFile& file, const SelfTestModel& self_test) {

@@ -12,8 +12,8 @@ namespace finsight {
 namespace {
 
 // Far above any finger that a small board solves at 60 frames/s; they bound the memory that a pack can ask for.
-constexpr std::int64_t kMostNodes = 50'000, kMostTets = 200'000, kMostRank = 64, kMostWidth = 4096, kMostKnots = 64;
-constexpr std::int64_t kMostSelfTests = 64;
+constexpr std::int64_t kMaxNodes = 50'000, kMaxTets = 200'000, kMaxRank = 64, kMaxWidth = 4096, kMaxKnots = 64;
+constexpr std::int64_t kMaxSelfTests = 64;
 
 constexpr float kSmallestScale = 1e-9f, kLargestScale = 1e9f;
 constexpr float kLargestKnot = 1000;  // of the radius curve: mm, or a power
@@ -101,8 +101,8 @@ CholeskyPlan read_plan(PackReader& pack, std::int64_t blocks) {
 
 /// `free_index` gets the number of every free node and -1 for the others.
 ShapeModel read_shape(PackReader& pack, std::vector<std::int32_t>& free_index) {
-  const auto nodes = pack.number<std::int64_t>(meta::kNodes, 4, kMostNodes);
-  const auto tets = pack.number<std::int64_t>(meta::kTetCount, 1, kMostTets);
+  const auto nodes = pack.number<std::int64_t>(meta::kNodes, 4, kMaxNodes);
+  const auto tets = pack.number<std::int64_t>(meta::kTetCount, 1, kMaxTets);
   const std::int64_t front = pack.length(tensor::kFrontNodes, 0, 1, nodes);
   ShapeModel shape;
   shape.nodes = static_cast<int>(nodes);
@@ -120,7 +120,7 @@ ShapeModel read_shape(PackReader& pack, std::vector<std::int32_t>& free_index) {
 }
 
 ShapeMapModel read_shape_map(PackReader& pack, const tensor::MapNames& names, std::int64_t nodes) {
-  const std::int64_t rank = pack.length(names.weights, 0, 1, kMostRank);
+  const std::int64_t rank = pack.length(names.weights, 0, 1, kMaxRank);
   ShapeMapModel map;
   map.rank = static_cast<int>(rank);
   map.scale = pack.tensor<float>(names.scale, {18});
@@ -143,12 +143,12 @@ TouchModel read_touch(PackReader& pack) {
   touch.input_scale = pack.tensor<float>(tensor::kTouchInputScale, {TouchModel::kInputs});
   touch.output_mean = pack.tensor<float>(tensor::kTouchOutputMean, {TouchModel::kOutputs});
   touch.output_scale = pack.tensor<float>(tensor::kTouchOutputScale, {TouchModel::kOutputs});
-  const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMostKnots);
+  const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMaxKnots);
   touch.radius_curve = pack.tensor<float>(tensor::kTouchRadiusCurve, {knots, 3});
   std::int64_t inputs = TouchModel::kInputs;
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const bool last = i + 1 == touch.layers.size();
-    const std::int64_t outputs = last ? TouchModel::kOutputs : pack.length(tensor::kTouchBias[i], 0, 1, kMostWidth);
+    const std::int64_t outputs = last ? TouchModel::kOutputs : pack.length(tensor::kTouchBias[i], 0, 1, kMaxWidth);
     DenseInt8& layer = touch.layers[i];
     layer.inputs = static_cast<int>(inputs);
     layer.outputs = static_cast<int>(outputs);
@@ -190,7 +190,7 @@ MountModel read_mount(PackReader& pack, const SafetensorsFile& file) {
 }
 
 SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool is_with_contact_map) {
-  const std::int64_t cases = pack.length(tensor::kSelfTestPoses, 0, 1, kMostSelfTests);
+  const std::int64_t cases = pack.length(tensor::kSelfTestPoses, 0, 1, kMaxSelfTests);
   SelfTestModel self_test;
   self_test.cases = static_cast<int>(cases);
   self_test.poses = pack.tensor<float>(tensor::kSelfTestPoses, {cases, 18});
@@ -278,7 +278,7 @@ PlatePoses seen_poses(std::span<const float> numbers) {
   return poses;
 }
 
-Eigen::Matrix<float, 18, 1> plate_numbers(const PlatePoses& poses) {
+PoseVector pose_vector(const PlatePoses& poses) {
   Eigen::Matrix<float, 18, 1> numbers;
   for (int p = 0; p < kPlates; ++p) {
     const PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];

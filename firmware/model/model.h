@@ -197,7 +197,7 @@ std::string checksum_text(std::uint32_t checksum);
 std::uint32_t header_checksum(std::string_view header);
 
 /// The 18 numbers of a PlatePoses in the order of every tensor: per plate displacement x y z, rotation x y z.
-Eigen::Matrix<float, 18, 1> plate_numbers(const PlatePoses& poses);
+PoseVector pose_vector(const PlatePoses& poses);
 /// Back again, all plates seen and fresh. numbers: [18].
 PlatePoses seen_poses(std::span<const float> numbers);
 

@@ -2,7 +2,7 @@
 
 namespace finsight {
 
-void complete_from_prior(const PlatePrior& prior, const std::array<bool, kPlates>& seen, PlateNumbers& numbers) {
+void complete_from_prior(const PlatePrior& prior, const std::array<bool, kPlates>& seen, PoseVector& numbers) {
   if (seen[0] && seen[1] && seen[2]) return;
   // Conditioning on the seen numbers one after the other needs no factorisation, only rank-1 updates of fixed size.
   // Double, because the variances of millimetres and radians lie six orders of magnitude apart.
@@ -10,7 +10,7 @@ void complete_from_prior(const PlatePrior& prior, const std::array<bool, kPlates
   using Vector18 = Eigen::Matrix<double, 18, 1>;
   Matrix18 covariance =
       Eigen::Map<const Eigen::Matrix<float, 18, 18, Eigen::RowMajor>>(prior.covariance.data()).cast<double>();
-  Vector18 mean = Eigen::Map<const PlateNumbers>(prior.mean.data()).cast<double>();
+  Vector18 mean = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
   for (int i = 0; i < 18; ++i) {
     if (!seen[static_cast<std::size_t>(i / 6)]) continue;
     const Vector18 row = covariance.row(i).transpose();
@@ -24,7 +24,7 @@ void complete_from_prior(const PlatePrior& prior, const std::array<bool, kPlates
 }
 
 void complete_from_prior(const PlatePrior& prior, PlatePoses& poses) {
-  PlateNumbers numbers = plate_numbers(poses);
+  PoseVector numbers = pose_vector(poses);
   complete_from_prior(prior, poses.seen, numbers);
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (poses.seen[p]) continue;

@@ -136,8 +136,8 @@ std::vector<std::int64_t> read_shape(const json& value, const auto& refuse) {
   if (!value.is_array() || value.size() > kRankLimit) refuse(shown(value), kExpected);
   std::vector<std::int64_t> shape;
   for (const json& length : value) {
-    constexpr auto kMost = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
-    if (!length.is_number_unsigned() || length.get<std::uint64_t>() > kMost) refuse(shown(value), kExpected);
+    constexpr auto kMax = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());
+    if (!length.is_number_unsigned() || length.get<std::uint64_t>() > kMax) refuse(shown(value), kExpected);
     shape.push_back(length.get<std::int64_t>());
   }
   return shape;

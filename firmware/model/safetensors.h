@@ -18,13 +18,34 @@ const char* dtype_name(DType type);
 std::size_t dtype_size(DType type);
 template <class T>
 constexpr DType dtype_of();
-template <> constexpr DType dtype_of<float>() { return DType::kF32; }
-template <> constexpr DType dtype_of<double>() { return DType::kF64; }
-template <> constexpr DType dtype_of<std::int8_t>() { return DType::kI8; }
-template <> constexpr DType dtype_of<std::uint8_t>() { return DType::kU8; }
-template <> constexpr DType dtype_of<std::uint16_t>() { return DType::kU16; }
-template <> constexpr DType dtype_of<std::int32_t>() { return DType::kI32; }
-template <> constexpr DType dtype_of<std::int64_t>() { return DType::kI64; }
+template <>
+constexpr DType dtype_of<float>() {
+  return DType::kF32;
+}
+template <>
+constexpr DType dtype_of<double>() {
+  return DType::kF64;
+}
+template <>
+constexpr DType dtype_of<std::int8_t>() {
+  return DType::kI8;
+}
+template <>
+constexpr DType dtype_of<std::uint8_t>() {
+  return DType::kU8;
+}
+template <>
+constexpr DType dtype_of<std::uint16_t>() {
+  return DType::kU16;
+}
+template <>
+constexpr DType dtype_of<std::int32_t>() {
+  return DType::kI32;
+}
+template <>
+constexpr DType dtype_of<std::int64_t>() {
+  return DType::kI64;
+}
 
 /// A safetensors file, mapped read-only. Header limit 1 MiB, file limit 64 MiB (512 MiB for training sets).
 /// Opening checks the header's length, JSON, types, shapes and that the tensors tile the data without gap or overlap.
@@ -51,7 +72,7 @@ class SafetensorsFile {
   const std::string& metadata(const std::string& key) const;
   const std::map<std::string, std::string>& all_metadata() const;
   const std::string& path() const;
-  std::span<const std::byte> bytes() const;  ///< the whole file
+  std::span<const std::byte> bytes() const;                       ///< the whole file
   std::span<const std::byte> raw(const std::string& name) const;  ///< a tensor's bytes, unchecked values
   /// Throws InputError for a tensor: "pack.safetensors: tensor 'name': found ..., expected ...".
   [[noreturn]] void refuse(const std::string& name, const std::string& found, const std::string& expected) const;

@@ -55,7 +55,7 @@ struct ReplaySettings {
 /// recorded frames is the row of truth.csv or of the recording. All throw InputError for recordings that cannot be
 /// used; a fault met later, in the middle of the file, ends the replay with error().
 std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings);
-/// Frames with plate poses instead of pictures: only the top plate is seen, at 60 frames per second.
+/// Frames with plate poses instead of images: only the top plate is seen, at 60 frames per second.
 std::unique_ptr<Camera> open_pose_camera(const ReplaySettings& settings);
 
 /// Which camera, and how it is to be run.

@@ -30,11 +30,6 @@ constexpr std::int64_t kOldestNs = 2'000'000'000;
 
 std::string quoted(const std::string& text) { return "\"" + text + "\""; }
 
-std::int64_t now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
-}
-
 /// The first plane of a buffer in our address space.
 class MappedPlane {
  public:
@@ -108,7 +103,7 @@ void choose_mode(libcamera::CameraConfiguration& configuration, const LiveCamera
     best_rank = layout->rank;
   }
   if (!best || !fits(configuration, *best, size)) {
-    throw InputError("source", "picture size", list, "a grey, YUV or RGB format with " + size.toString());
+    throw InputError("source", "image size", list, "a grey, YUV or RGB format with " + size.toString());
   }
 }
 
@@ -212,11 +207,11 @@ class LibcameraCamera : public Camera {
 
   void make_requests() {
     allocator_ = std::make_unique<libcamera::FrameBufferAllocator>(camera_);
-    if (allocator_->allocate(stream_) <= 0) throw InputError("camera", "no memory for pictures");
+    if (allocator_->allocate(stream_) <= 0) throw InputError("camera", "no memory for images");
     const std::size_t needed = static_cast<std::size_t>(stride_bytes_) * static_cast<std::size_t>(settings_.height_px);
     for (const auto& buffer : allocator_->buffers(stream_)) {
       planes_.push_back(std::make_unique<MappedPlane>(buffer->planes().front()));
-      if (planes_.back()->bytes() < needed) throw InputError("camera", "its buffers are smaller than its pictures");
+      if (planes_.back()->bytes() < needed) throw InputError("camera", "its buffers are smaller than its images");
       requests_.push_back(camera_->createRequest(requests_.size()));
       if (!requests_.back() || requests_.back()->addBuffer(stream_, buffer.get()) != 0) {
         throw InputError("camera", "takes no requests");
@@ -307,7 +302,7 @@ class LibcameraCamera : public Camera {
   void stamp(Frame& frame) const {
     namespace controls = libcamera::controls;
     const libcamera::ControlList& metadata = shown_->metadata();
-    const std::int64_t now = now_ns();
+    const std::int64_t now = steady_now_ns();
     std::optional<std::int64_t> sensor_ns = metadata.get(controls::SensorTimestamp);
     if (sensor_ns && (*sensor_ns > now || *sensor_ns < now - kOldestNs)) sensor_ns.reset();
     const std::optional<std::int32_t> measured_us = metadata.get(controls::ExposureTime);
@@ -323,7 +318,7 @@ class LibcameraCamera : public Camera {
   libcamera::Stream* stream_ = nullptr;
   int stride_bytes_ = 0;
   GreyLayout layout_;
-  std::vector<std::uint8_t> grey_;  // the converted picture, for formats without a grey plane
+  std::vector<std::uint8_t> grey_;  // the converted image, for formats without a grey plane
   std::unique_ptr<libcamera::FrameBufferAllocator> allocator_;
   std::vector<std::unique_ptr<MappedPlane>> planes_;  // a request's cookie is its place here
   std::vector<std::unique_ptr<libcamera::Request>> requests_;

@@ -15,7 +15,7 @@ struct GreyLayout {
   std::array<std::uint16_t, 3> weight{256, 0, 0};
   int rank = 0;  ///< cheaper formats have smaller ones
 
-  /// The plane is the grey picture already.
+  /// The plane is the grey image already.
   bool is_grey_plane() const { return step_bytes == 1; }
 };
 
@@ -23,7 +23,7 @@ struct GreyLayout {
 /// decoded (MJPEG) or demosaicked.
 std::optional<GreyLayout> grey_layout(std::uint32_t fourcc);
 
-/// Converts one picture; `grey` has width * height bytes.
+/// Converts one image; `grey` has width * height bytes.
 void convert_to_grey(const GreyLayout& layout, const std::uint8_t* pixels, int width_px, int height_px,
                      int stride_bytes, std::uint8_t* grey);
 

@@ -82,33 +82,33 @@ class ReplayCamera : public Camera {
 class SessionCamera : public ReplayCamera {
  public:
   SessionCamera(const ReplaySettings& settings, const SessionInfo& info)
-      : ReplayCamera(settings, info.frames_per_second), pictures_(settings.path / kSessionFrames) {
+      : ReplayCamera(settings, info.frames_per_second), images_(settings.path / kSessionFrames) {
     const auto check = [&](const char* field, double found, double expected) {
       if (std::abs(found - expected) < 1e-6 * expected) return;  // a rate is written as a ratio
       throw InputError((settings.path / kSessionFrames).string(), field, std::to_string(found),
                        std::to_string(expected) + " as in " + kSessionInfo);
     };
-    check("width", pictures_.width_px(), info.width_px);
-    check("height", pictures_.height_px(), info.height_px);
-    check("frames per second", pictures_.frames_per_second(), info.frames_per_second);
+    check("width", images_.width_px(), info.width_px);
+    check("height", images_.height_px(), info.height_px);
+    check("frames per second", images_.frames_per_second(), info.frames_per_second);
     // The first frame now: a session without a whole frame is refused before the loop, and its memory is at hand.
-    if (!pictures_.next(grey_)) throw InputError((settings.path / kSessionFrames).string(), "holds no frame");
-    pictures_.rewind();
+    if (!images_.next(grey_)) throw InputError((settings.path / kSessionFrames).string(), "holds no frame");
+    images_.rewind();
   }
 
  private:
   bool read(Frame* frame) final {
-    if (!frame) return pictures_.skip();
-    if (!pictures_.next(grey_)) return false;
+    if (!frame) return images_.skip();
+    if (!images_.next(grey_)) return false;
     *frame = Frame{.grey = grey_.data(),
-                   .width_px = pictures_.width_px(),
-                   .height_px = pictures_.height_px(),
-                   .stride_bytes = pictures_.width_px()};
+                   .width_px = images_.width_px(),
+                   .height_px = images_.height_px(),
+                   .stride_bytes = images_.width_px()};
     return true;
   }
-  void rewind() final { pictures_.rewind(); }
+  void rewind() final { images_.rewind(); }
 
-  Y4mReader pictures_;
+  Y4mReader images_;
   std::vector<std::uint8_t> grey_;
 };
 
@@ -137,12 +137,10 @@ class PoseCamera : public ReplayCamera {
 ReplayClock steady_replay_clock() {
   using Clock = std::chrono::steady_clock;
   using std::chrono::nanoseconds;
-  return {.now_ns = [] { return std::chrono::duration_cast<nanoseconds>(Clock::now().time_since_epoch()).count(); },
-          .sleep_until_ns =
-              [](std::int64_t until_ns) {
-                std::this_thread::sleep_until(
-                    Clock::time_point(std::chrono::duration_cast<Clock::duration>(nanoseconds(until_ns))));
-              }};
+  return {.now_ns = steady_now_ns, .sleep_until_ns = [](std::int64_t until_ns) {
+            std::this_thread::sleep_until(
+                Clock::time_point(std::chrono::duration_cast<Clock::duration>(nanoseconds(until_ns))));
+          }};
 }
 
 std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings) {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "firmware/input_error.h"
-#include "firmware/toml_table.h"
+#include "firmware/settings/toml_table.h"
 
 namespace finsight {
 
@@ -60,7 +60,7 @@ void read_lens(TomlTable table, SessionInfo& info) {
   if (!(pinhole[2] >= 0 && pinhole[2] < info.width_px && pinhole[3] >= 0 && pinhole[3] < info.height_px)) {
     throw InputError(table.where("fx_fy_cx_cy"), "fx_fy_cx_cy",
                      "an optical axis at (" + shortest(pinhole[2]) + ", " + shortest(pinhole[3]) + ") px",
-                     "a point in the picture");
+                     "a point in the image");
   }
   std::copy(pinhole.begin(), pinhole.end(), info.fx_fy_cx_cy.begin());
   const std::vector<double> lens = table.numbers("k1_k2_p1_p2_k3", 5, -100, 100);
@@ -68,7 +68,7 @@ void read_lens(TomlTable table, SessionInfo& info) {
   const auto check_side = [&](const char* key, int side_px) {
     if (!table.has(key) || table.integer(key, 1, Y4mReader::kMaxSide) == side_px) return;
     throw InputError(table.where(key), key, std::to_string(table.integer(key, 1, Y4mReader::kMaxSide)),
-                     std::to_string(side_px) + ", the size of the pictures: a calibration holds for one size");
+                     std::to_string(side_px) + ", the size of the images: a calibration holds for one size");
   };
   check_side("width_px", info.width_px);
   check_side("height_px", info.height_px);

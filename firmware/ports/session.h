@@ -1,5 +1,5 @@
 // A recorded session: a folder with frames.y4m, session.toml and optional truth.csv. And pose files: recorded plate
-// motions instead of pictures.
+// motions instead of images.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "firmware/toml_table.h"
+#include "firmware/settings/toml_table.h"
 #include "firmware/types.h"
 
 namespace finsight {
@@ -20,7 +20,7 @@ inline constexpr const char* kSessionFrames = "frames.y4m";
 inline constexpr const char* kSessionInfo = "session.toml";
 inline constexpr const char* kSessionTruth = "truth.csv";
 
-/// session.toml: everything about the pictures that the pictures do not say themselves.
+/// session.toml: everything about the images that the images do not say themselves.
 struct SessionInfo {
   int width_px = 0, height_px = 0;
   double frames_per_second = 0;

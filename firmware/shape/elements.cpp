@@ -16,7 +16,7 @@ namespace {
 
 // What a step leaves of a determinant at least: all of it would allow no compression, none would allow flat elements,
 // whose energy is infinite.
-constexpr double kLeastDeterminant = 0.1;
+constexpr double kMinDeterminant = 0.1;
 
 Eigen::Vector3d rest_point(const ShapeModel& model, int node) {
   return {model.rest_mm[3 * node], model.rest_mm[3 * node + 1], model.rest_mm[3 * node + 2]};
@@ -195,7 +195,7 @@ S Elements<S>::longest_step(std::span<const S> x, std::span<const S> step) const
     gather(batch, x, F);
     gather(batch, step, dF);
     determinant_cubic(F, dF, c);
-    c[0] *= simd::splat<V>(1 - kLeastDeterminant);
+    c[0] *= simd::splat<V>(1 - kMinDeterminant);
     // In this order of operands a NaN stays one.
     const V lowest = c[0] + simd::smaller(zero, c[1]) + simd::smaller(zero, c[2]) + simd::smaller(zero, c[3]);
     for (int lane = 0; lane < kWidth; ++lane) {

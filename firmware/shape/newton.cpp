@@ -81,7 +81,7 @@ void NewtonSolver<S>::start_towards(std::span<const float> node_mm, const PlateP
 
 template <class S>
 bool NewtonSolver<S>::is_jump(const PlatePoses& from, const PlatePoses& to) const {
-  return rigid_plates_.furthest_mm(plate_motions(from), plate_motions(to)) > kMostFactorisations * plate_step_mm();
+  return rigid_plates_.furthest_mm(plate_motions(from), plate_motions(to)) > kMaxFactorisations * plate_step_mm();
 }
 
 // Sets the plates' part of the next step: all the way, or as far as one step may carry them. Returns how far their
@@ -122,7 +122,7 @@ typename NewtonSolver<S>::Outcome NewtonSolver<S>::solve(const PlatePoses& poses
   if (!rigid_plates_.plausible(poses)) return outcome;
   before_ = x_;
   const PlateMotions start = plates_, target = plate_motions(poses);
-  for (int k = 1; k <= std::max(factorisations, kMostFactorisations); ++k) {
+  for (int k = 1; k <= std::max(factorisations, kMaxFactorisations); ++k) {
     aim(target);
     if (!take_step(true, false, outcome)) return fail(outcome, start);
     outcome.ok = aim_is_target_ && plates_at_aim_;
@@ -187,11 +187,11 @@ bool NewtonSolver<S>::take_step(bool new_factor, bool search, Outcome& outcome) 
 // Armijo: halves the step until the energy falls by a part of what the slope promises, or by less than rounding shows.
 template <class S>
 S NewtonSolver<S>::search_line(S length, double slope) {
-  constexpr int kMostHalvings = 30;
+  constexpr int kMaxHalvings = 30;
   constexpr double kPartOfSlope = 1e-4;
   const double present = elements_.energy(x_);
   const double rounding = 8 * static_cast<double>(std::numeric_limits<S>::epsilon()) * present;
-  for (int halving = 0; halving < kMostHalvings; ++halving, length /= 2) {
+  for (int halving = 0; halving < kMaxHalvings; ++halving, length /= 2) {
     for (std::size_t i = 0; i < x_.size(); ++i) trial_[i] = x_[i] + length * step_[i];
     if (elements_.energy(trial_) <= present + kPartOfSlope * static_cast<double>(length) * slope + rounding) break;
   }

@@ -26,7 +26,7 @@ class NewtonSolver {
 
   /// Moves the plates and takes `factorisations` Newton steps, each followed by `chord_steps` steps with the same
   /// factor. No step carries a plate further than plate_step_mm(), so a large motion costs more factorisations; so
-  /// does a last step further than half of that, which a start far from the minimum brings. kMostFactorisations at
+  /// does a last step further than half of that, which a start far from the minimum brings. kMaxFactorisations at
   /// most. Not ok if the poses are not plausible or a pivot fails: then the shape stays as it was; or if the plates
   /// could not get there in time, for the distance or because a tetrahedron would invert: then the shape has gone part
   /// of the way.
@@ -52,7 +52,7 @@ class NewtonSolver {
   double energy_of(std::span<const S> node_mm) const { return elements_.energy(node_mm); }
   S smallest_determinant() const { return elements_.smallest_determinant(x_); }
 
-  static constexpr int kMostFactorisations = 6;
+  static constexpr int kMaxFactorisations = 6;
   /// How far a step may carry a node of a plate.
   double plate_step_mm() const;
 

@@ -47,11 +47,11 @@ RigidPlates::RigidPlates(const ShapeModel& model, const MountModel& mount) {
 }
 
 bool RigidPlates::plausible(const PlatePoses& poses) const {
-  constexpr double kMostExtents = 3, kMostRadians = 7;  // a rotation vector of one turn is 6.3 long
+  constexpr double kMaxExtents = 3, kMaxRadians = 7;  // a rotation vector of one turn is 6.3 long
   return std::all_of(poses.plates.begin(), poses.plates.end(), [&](const PlateMotion& plate) {
     const Eigen::Vector3d displacement = plate.displacement_mm.cast<double>();
     return displacement.allFinite() && plate.rotation_rad.allFinite() &&
-           displacement.norm() <= kMostExtents * extent_mm_ && plate.rotation_rad.cast<double>().norm() <= kMostRadians;
+           displacement.norm() <= kMaxExtents * extent_mm_ && plate.rotation_rad.cast<double>().norm() <= kMaxRadians;
   });
 }
 

@@ -20,7 +20,7 @@ constexpr double kWrongMinimum = 0.9, kEnergyRounding = 1e-6;
 
 // Elastic energy, as a part of the energy at rest, above which the plates are where no finger has them: strains of 40 %
 // all over. (Bent by 40 mm and twisted by 90 degrees it is 0.02.)
-constexpr double kMostStrain = 0.1;
+constexpr double kMaxStrain = 0.1;
 
 const ShapeMapModel& contact_map_of(const Model& model, ShapeSettings::Tier tier) {
   if (tier == ShapeSettings::Tier::kContact && !model.contact_map) {
@@ -57,7 +57,7 @@ struct ShapeStage::Workspace {
   void try_from_rest(const PlatePoses& poses);
   bool solve(const PlatePoses& poses);
   bool wrong_minimum() const;
-  bool strained() const { return newton.energy() - rest_energy > kMostStrain * rest_energy; }
+  bool strained() const { return newton.energy() - rest_energy > kMaxStrain * rest_energy; }
   void show(const ShapeMeasures& measures);
 
   ShapeSettings settings;
@@ -123,16 +123,16 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses) {
 void ShapeStage::Workspace::answer_by_measures(const PlatePoses& poses) {
   shape.source = ShapeSource::kMap;
   shape.node_mm = {};
-  show(map_measures->measure(map.coefficients(plate_numbers(poses))));
+  show(map_measures->measure(map.coefficients(pose_vector(poses))));
 }
 
 void ShapeStage::Workspace::take_map_shape(const ShapeMap& from, const PlatePoses& poses) {
-  from.evaluate(plate_numbers(poses), map_mm);
+  from.evaluate(pose_vector(poses), map_mm);
   plates.place<float>(plate_motions(poses), map_mm);
 }
 
 bool ShapeStage::Workspace::answer_by_contact_map(const PlatePoses& poses) {
-  if (!contact_map || !contact_map->covers(plate_numbers(poses))) return false;
+  if (!contact_map || !contact_map->covers(pose_vector(poses))) return false;
   take_map_shape(*contact_map, poses);
   if (!newton.start_from(map_mm, poses) || strained()) return false;
   shape.source = ShapeSource::kContactMap;

@@ -34,7 +34,7 @@ class ShapeStage {
   /// has no inverted element, whatever the poses are. `fallback` marks a shape that is not the solve's: after a failed
   /// solve that of the map, or if that one has an inverted element, part of the way to it; and a shape that strains
   /// the finger more than any touch can. Poses that are not finite or absurd keep the last shape, marked too. At most 2
-  /// NewtonSolver::kMostFactorisations factorisations. The result stays valid until the next call; it has no nodes in
+  /// NewtonSolver::kMaxFactorisations factorisations. The result stays valid until the next call; it has no nodes in
   /// tier kMeasures. Quality: fresh if all plates were seen in this frame and the solve worked; invalid if the poses
   /// are, or before the first shape; else held.
   const FingerShape& solve(const PlatePoses& poses);

@@ -80,11 +80,11 @@ double SoftNewtonSolver<S>::newton_step() {
 // slope promises. False, and x stays, if it never does.
 template <class S>
 bool SoftNewtonSolver<S>::search_line(double slope) {
-  constexpr int kMostTries = 64;
+  constexpr int kMaxTries = 64;
   constexpr double kShorten = 0.8, kPartOfSlope = 1e-4;
   const double present = energy(x_);
   double length = 1;
-  for (int attempt = 0; attempt < kMostTries; ++attempt, length *= kShorten) {
+  for (int attempt = 0; attempt < kMaxTries; ++attempt, length *= kShorten) {
     for (std::size_t i = 0; i < x_.size(); ++i) trial_[i] = x_[i] + static_cast<S>(length) * step_[i];
     if (energy(trial_) <= present + kPartOfSlope * length * slope) {
       x_.swap(trial_);

@@ -4,7 +4,7 @@
 
 namespace finsight {
 
-void touch_features(const TouchModel& model, const PlateNumbers& numbers, const std::array<float, kPlates>& noise,
+void touch_features(const TouchModel& model, const PoseVector& numbers, const std::array<float, kPlates>& noise,
                     std::span<float, TouchModel::kInputs> inputs) {
   // In double, one number after the other: the result, rounded to float, is then the same on every processor.
   double size_sq = 0;

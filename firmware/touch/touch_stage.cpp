@@ -49,7 +49,7 @@ const Touch& TouchStage::locate(const PlatePoses& poses, float shaken_mm) {
     return touch_;
   }
   touch_ = Touch{};
-  if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !plate_numbers(poses).allFinite()) return touch_;
+  if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !pose_vector(poses).allFinite()) return touch_;
   for (const PlateMotion& plate : poses.plates) {
     touch_.plate_motion_mm = std::max(touch_.plate_motion_mm, plate.displacement_mm.norm());
   }
@@ -70,7 +70,7 @@ bool TouchStage::is_on_face(const Touch& touch) const {
 void TouchStage::run_network(const PlatePoses& poses, float shaken_mm) {
   std::array<float, TouchModel::kInputs> inputs;
   std::array<float, TouchModel::kOutputs> outputs;
-  touch_features(model_, plate_numbers(poses), noise_of(poses), inputs);
+  touch_features(model_, pose_vector(poses), noise_of(poses), inputs);
   forward(model_.layers[0], inputs, hidden_[0], true);
   forward(model_.layers[1], hidden_[0], hidden_[1], true);
   forward(model_.layers[2], hidden_[1], outputs, false);

@@ -19,7 +19,7 @@ constexpr float kReach =
     0.55F;  // modules to either side, for the border and the margin are one module wide; but not more than ...
 constexpr float kReachPx = 6;            // ... this, which contains the blur and any error of the coarse corners
 constexpr float kSmallestContrast = 10;  // grey levels
-constexpr std::size_t kFewestProfiles = kProfiles / 2;
+constexpr std::size_t kMinProfiles = kProfiles / 2;
 constexpr double kOutlierMedians = 3, kOutlierPx = 0.1;  // distance from the line; three medians are two sigmas
 constexpr double kLargestRmsPx = 0.5;                    // of the points about their line, at the end ...
 constexpr double kCoarseRmsPx = 2.0;                     // ... and while the profiles are not yet centred on the edge
@@ -36,14 +36,14 @@ struct EdgePoints {
 };
 
 /// Where the grey level rises from ink to paper along a profile, as a share of the reach (-1 ... 1).
-bool find_rise(const GreyView& picture, const Vec2f& centre, const Vec2f& reach, int steps, float& share) {
+bool find_rise(const ImageView& image, const Vec2f& centre, const Vec2f& reach, int steps, float& share) {
   // The centroid of the rise, tapered towards the ends: noise and neighbouring modules count little there. What the
   // taper cuts off one side of the rise vanishes as the rounds centre the profile on it.
   const float step = 1.0F / static_cast<float>(steps);
   float before = 0, rise = 0, moment = 0;
   for (int i = -steps; i <= steps; ++i) {
     const float at = static_cast<float>(i) * step;
-    const float grey = picture.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y());
+    const float grey = image.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y());
     if (i > -steps) {
       const float middle = at - step / 2;
       const float weighted = (1 - middle * middle) * (grey - before);
@@ -57,9 +57,9 @@ bool find_rise(const GreyView& picture, const Vec2f& centre, const Vec2f& reach,
   return std::abs(share) < 1;
 }
 
-bool inside(const GreyView& picture, const Vec2f& p) {
-  return p.x() >= 0 && p.y() >= 0 && p.x() < static_cast<float>(picture.width_px - 1) &&
-         p.y() < static_cast<float>(picture.height_px - 1);
+bool inside(const ImageView& image, const Vec2f& p) {
+  return p.x() >= 0 && p.y() >= 0 && p.x() < static_cast<float>(image.width_px - 1) &&
+         p.y() < static_cast<float>(image.height_px - 1);
 }
 
 /// How far to look across the edge from corner k to the next, in pixels: a share of a module as seen across this edge
@@ -71,9 +71,9 @@ float reach_across(const std::array<Vec2f, 4>& corners, std::size_t k) {
   return std::min(kReach * depth / kModules, kReachPx);
 }
 
-/// Follows the edge from ray a to ray b. Profiles are centred on the picture of the straight line between them, which
+/// Follows the edge from ray a to ray b. Profiles are centred on the image of the straight line between them, which
 /// the lens bends; what they find is small enough to be taken back along the slope of the projection.
-void find_edge_points(const GreyView& picture, const CameraModel& camera, const Vector2d& a, const Vector2d& b,
+void find_edge_points(const ImageView& image, const CameraModel& camera, const Vector2d& a, const Vector2d& b,
                       float reach_px, EdgePoints& points) {
   points.count = 0;
   if (!(reach_px > kStepPx)) return;
@@ -85,8 +85,8 @@ void find_edge_points(const GreyView& picture, const CameraModel& camera, const 
     const Vector2d outward = Vector2d(along.y(), -along.x()).normalized();
     const Vec2f middle = centre.pixel.cast<float>(), reach = outward.cast<float>() * reach_px;
     float share = 0;
-    if (!inside(picture, middle - reach) || !inside(picture, middle + reach) ||
-        !find_rise(picture, middle, reach, steps, share)) {
+    if (!inside(image, middle - reach) || !inside(image, middle + reach) ||
+        !find_rise(image, middle, reach, steps, share)) {
       continue;
     }
     points.ray[points.count++] = ray + centre.slope.inverse() * outward * static_cast<double>(share * reach_px);
@@ -116,7 +116,7 @@ double fit_line(const EdgePoints& points, Line& line) {
 /// A line that dirt on part of the edge does not bend: fit, leave out what lies far off, fit again. The median tells
 /// what is far, because a few wild points would raise the mean above themselves.
 bool fit_edge(EdgePoints& points, double px, double largest_rms_px, Line& line) {
-  if (points.count < kFewestProfiles) return false;
+  if (points.count < kMinProfiles) return false;
   fit_line(points, line);
   std::array<double, kProfiles> distance, sorted;
   for (std::size_t i = 0; i < points.count; ++i) distance[i] = std::abs(line.normal.dot(points.ray[i] - line.point));
@@ -129,7 +129,7 @@ bool fit_edge(EdgePoints& points, double px, double largest_rms_px, Line& line) 
     if (distance[i] <= far) points.ray[kept++] = points.ray[i];
   }
   points.count = kept;
-  return kept >= kFewestProfiles && fit_line(points, line) < largest_rms_px * px;
+  return kept >= kMinProfiles && fit_line(points, line) < largest_rms_px * px;
 }
 
 /// Not-a-number for parallel lines.
@@ -142,7 +142,7 @@ Vector2d crossing(const Line& first, const Line& second) {
 
 }  // namespace
 
-bool refine_corners(const GreyView& picture, const CameraModel& camera, std::array<Vec2f, 4>& corners_px) {
+bool refine_corners(const ImageView& image, const CameraModel& camera, std::array<Vec2f, 4>& corners_px) {
   const double px = 1.0 / camera.fx;  // a pixel's size in the plane of the rays
   std::array<Vec2f, 4> corners = corners_px;
   std::array<Vector2d, 4> rays;
@@ -153,7 +153,7 @@ bool refine_corners(const GreyView& picture, const CameraModel& camera, std::arr
     for (std::size_t k = 0; k < 4; ++k) {
       const float reach_px = reach_across(corners, k);
       const double largest_rms_px = round + 1 < kRounds ? kCoarseRmsPx : kLargestRmsPx;
-      find_edge_points(picture, camera, rays[k], rays[(k + 1) % 4], reach_px, points);
+      find_edge_points(image, camera, rays[k], rays[(k + 1) % 4], reach_px, points);
       if (!fit_edge(points, px, largest_rms_px, lines[k])) return false;
     }
     for (std::size_t k = 0; k < 4; ++k) {

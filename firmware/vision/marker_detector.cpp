@@ -12,7 +12,7 @@
 namespace finsight {
 namespace {
 
-// Lengths are pixels of the searched picture.
+// Lengths are pixels of the searched image.
 
 // Local threshold: a window wider than one module (4 ... 12 pixels here) keeps the black border one solid ring. Two
 // windows, because the markers' distances from the camera differ by a factor of two.
@@ -26,8 +26,8 @@ constexpr float kPointsPerLength = 0.7F;
 constexpr int kModules = 6, kSamples = 4;  // along a side; along a module, its outer quarters left out
 // Contours run through the centres of the ink's outermost pixels, inside its edge: by this much in 48 pixels.
 constexpr double kFromContour = 48.0 / 47;
-constexpr double kLeastContrast = 8;  // standard deviation, grey levels; less than that is no marker
-constexpr int kWhiteInBorder = 1;     // of 20 border modules, one may be dirty
+constexpr double kMinContrast = 8;  // standard deviation, grey levels; less than that is no marker
+constexpr int kWhiteInBorder = 1;   // of 20 border modules, one may be dirty
 // The white margin of a marker is a square too, one module (0.059 of the perimeter) outside the black one.
 constexpr float kSamePlace = 1.0F / 16;  // of the perimeter
 
@@ -70,14 +70,14 @@ std::vector<KnownCode> known_codes() {
 }
 
 /// OpenCV takes no pointer to constant pixels, though it only reads them.
-cv::Mat mat_of(const GreyView& picture) {
-  return {picture.height_px, picture.width_px, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
-          static_cast<std::size_t>(picture.stride_bytes)};
+cv::Mat mat_of(const ImageView& image) {
+  return {image.height_px, image.width_px, CV_8UC1, const_cast<std::uint8_t*>(image.pixels),
+          static_cast<std::size_t>(image.stride_bytes)};
 }
 
-/// 1 where the picture is darker than its surroundings. Gives the number of neighbouring pixels that differ then.
-int threshold(const cv::Mat& picture, int window, cv::Mat& ink, cv::Mat& differs) {
-  cv::adaptiveThreshold(picture, ink, 1, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV, window, kDarker);
+/// 1 where the image is darker than its surroundings. Gives the number of neighbouring pixels that differ then.
+int threshold(const cv::Mat& image, int window, cv::Mat& ink, cv::Mat& differs) {
+  cv::adaptiveThreshold(image, ink, 1, cv::ADAPTIVE_THRESH_MEAN_C, cv::THRESH_BINARY_INV, window, kDarker);
   cv::bitwise_xor(ink.colRange(1, ink.cols), ink.colRange(0, ink.cols - 1), differs);
   const int edges = cv::countNonZero(differs);
   cv::bitwise_xor(ink.rowRange(1, ink.rows), ink.rowRange(0, ink.rows - 1), differs);
@@ -112,7 +112,7 @@ std::optional<Square> square_of(const std::vector<cv::Point>& contour, const Sid
 
 /// The code in a square, read from its first corner; nothing without contrast or a black border. `spread`: by how much
 /// the square is larger than its corners say.
-std::optional<std::uint16_t> read_code(const cv::Mat& picture, const Corners& corners, double spread) {
+std::optional<std::uint16_t> read_code(const cv::Mat& image, const Corners& corners, double spread) {
   constexpr int kSide = kModules * kSamples;
   const cv::Point2f modules[] = {{0, 0}, {kModules, 0}, {kModules, kModules}, {0, kModules}};
   const cv::Matx33d H = cv::getPerspectiveTransform(modules, corners.data());
@@ -123,14 +123,14 @@ std::optional<std::uint16_t> read_code(const cv::Mat& picture, const Corners& co
       return 0.5 * kModules + spread * (module - 0.5 * kModules);
     };
     const cv::Vec3d at = H * cv::Vec3d(place(i % kSide), place(i / kSide), 1);
-    const int x = std::clamp(cvRound(at[0] / at[2]), 0, picture.cols - 1);
-    const int y = std::clamp(cvRound(at[1] / at[2]), 0, picture.rows - 1);
-    samples[static_cast<std::size_t>(i)] = picture.at<std::uint8_t>(y, x);
+    const int x = std::clamp(cvRound(at[0] / at[2]), 0, image.cols - 1);
+    const int y = std::clamp(cvRound(at[1] / at[2]), 0, image.rows - 1);
+    samples[static_cast<std::size_t>(i)] = image.at<std::uint8_t>(y, x);
   }
   cv::Mat grey(kSide, kSide, CV_8UC1, samples.data());
   cv::Scalar mean, deviation;
   cv::meanStdDev(grey, mean, deviation);
-  if (deviation[0] < kLeastContrast) return std::nullopt;
+  if (deviation[0] < kMinContrast) return std::nullopt;
   cv::threshold(grey, grey, 0, 1, cv::THRESH_BINARY | cv::THRESH_OTSU);
 
   std::uint16_t code = 0;
@@ -190,22 +190,22 @@ MarkerDetector::~MarkerDetector() = default;
 MarkerDetector::MarkerDetector(MarkerDetector&&) noexcept = default;
 MarkerDetector& MarkerDetector::operator=(MarkerDetector&&) noexcept = default;
 
-const std::vector<FoundMarker>& MarkerDetector::find(const GreyView& picture, int shrink, const SideLimits& sides) {
+const std::vector<FoundMarker>& MarkerDetector::find(const ImageView& image, int shrink, const SideLimits& sides) {
   found_.clear();
   squares_read_ = 0;
   try {
-    search(picture, shrink, sides);
+    search(image, shrink, sides);
   } catch (const std::exception&) {
     found_.clear();
   }
   return found_;
 }
 
-bool MarkerDetector::confirm(const GreyView& picture, const std::array<Vec2f, 4>& corners_px, int id) const {
+bool MarkerDetector::confirm(const ImageView& image, const std::array<Vec2f, 4>& corners_px, int id) const {
   Corners corners;
   for (std::size_t k = 0; k < 4; ++k) corners[k] = {corners_px[k].x(), corners_px[k].y()};
   try {
-    const std::optional<std::uint16_t> code = read_code(mat_of(picture), corners, 1);
+    const std::optional<std::uint16_t> code = read_code(mat_of(image), corners, 1);
     return code && std::any_of(workspace_->codes.begin(), workspace_->codes.end(), [&](const KnownCode& known) {
              return known.id == id && known.first == 0 && known.code == *code;
            });
@@ -214,12 +214,12 @@ bool MarkerDetector::confirm(const GreyView& picture, const std::array<Vec2f, 4>
   }
 }
 
-void MarkerDetector::search(const GreyView& picture, int shrink, const SideLimits& sides) {
+void MarkerDetector::search(const ImageView& image, int shrink, const SideLimits& sides) {
   Workspace& w = *workspace_;
-  const cv::Mat whole = mat_of(picture);
+  const cv::Mat whole = mat_of(image);
   cv::Mat searched = whole;
   if (shrink > 1) {
-    const cv::Size size(picture.width_px / shrink, picture.height_px / shrink);
+    const cv::Size size(image.width_px / shrink, image.height_px / shrink);
     cv::resize(whole(cv::Rect(0, 0, size.width * shrink, size.height * shrink)), w.reduced, size, 0, 0, cv::INTER_AREA);
     searched = w.reduced;
   }

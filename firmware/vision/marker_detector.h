@@ -1,4 +1,4 @@
-// Squares with a code of DICT_4X4_50 in a picture, the same with every OpenCV, in bounded time.
+// Squares with a code of DICT_4X4_50 in an image, the same with every OpenCV, in bounded time.
 #pragma once
 
 #include <array>
@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "firmware/types.h"
-#include "firmware/vision/grey_view.h"
+#include "firmware/vision/image_view.h"
 
 namespace finsight {
 
@@ -15,15 +15,15 @@ struct FoundMarker {
   std::array<Vec2f, 4> corners_px;  ///< clockwise from the marker's own top left corner; good to about `shrink` pixels
 };
 
-/// Sides of a marker in the picture, in pixels: squares outside these limits are not looked at.
+/// Sides of a marker in the image, in pixels: squares outside these limits are not looked at.
 struct SideLimits {
   float smallest_px = 0, largest_px = 0;
 };
 
-/// What bounds a search's time in pictures of anything. Edges are neighbouring pixels that differ in the thresholded
-/// picture: 640x480 have 5,000 with three markers, 70,000 in preset worst, and up to 300,000 with noise.
+/// What bounds a search's time in images of anything. Edges are neighbouring pixels that differ in the thresholded
+/// image: 640x480 have 5,000 with three markers, 70,000 in preset worst, and up to 300,000 with noise.
 struct SearchLimits {
-  int noisy_edges = 40'000;  ///< above, the picture is smoothed before it is searched
+  int noisy_edges = 40'000;  ///< above, the image is smoothed before it is searched
   int edges = 60'000;        ///< above, with that, it is not searched
   int squares = 128;         ///< whose codes are read, the largest first; a finger has about 10
 };
@@ -39,23 +39,23 @@ class MarkerDetector {
   MarkerDetector(MarkerDetector&&) noexcept;
   MarkerDetector& operator=(MarkerDetector&&) noexcept;
 
-  /// Searches `picture`, reduced `shrink` times each way (1 searches it as it is), for markers whose code is read
+  /// Searches `image`, reduced `shrink` times each way (1 searches it as it is), for markers whose code is read
   /// without a single wrong bit. A marker whose square is found by several thresholds is listed once; the same id at
   /// two places is listed twice. Allocates, as OpenCV does. Whatever OpenCV objects to gives an empty list. The list is
   /// valid until the next call.
-  const std::vector<FoundMarker>& find(const GreyView& picture, int shrink, const SideLimits& sides);
+  const std::vector<FoundMarker>& find(const ImageView& image, int shrink, const SideLimits& sides);
 
   /// Whether a square whose corners are known to a tenth of a module, clockwise from the marker's own top left, shows
   /// the marker `id`: read at full size, a code that blur or a coarse corner falsified is another one. Allocates, as
   /// OpenCV does.
-  bool confirm(const GreyView& picture, const std::array<Vec2f, 4>& corners_px, int id) const;
+  bool confirm(const ImageView& image, const std::array<Vec2f, 4>& corners_px, int id) const;
 
   /// Squares whose codes the last find() read; at most limits.squares.
   int squares_read() const { return squares_read_; }
 
  private:
   struct Workspace;
-  void search(const GreyView& picture, int shrink, const SideLimits& sides);
+  void search(const ImageView& image, int shrink, const SideLimits& sides);
 
   SearchLimits limits_;
   std::unique_ptr<Workspace> workspace_;

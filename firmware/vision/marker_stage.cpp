@@ -13,19 +13,19 @@ namespace {
 // A tilted marker looks smaller, a plate that is pushed towards the camera larger, than at rest.
 constexpr float kSmallestSide = 0.5F, kLargestSide = 2.0F;
 // OpenCV reads a code reliably from 4 pixels per module; more only costs time, because the corners are found again in
-// the full picture.
+// the full image.
 constexpr float kSearchedSidePx = 24;
 constexpr int kLargestShrink = 4;
 // A followed marker may move this many of its own sizes from one frame to the next: 6 mm, twice what a finger that
 // springs back does in 1/60 s.
 constexpr float kWindowMargin = 0.75F;
-// While a marker is missing and others are followed, the whole picture is searched in every eighth frame: a marker that
+// While a marker is missing and others are followed, the whole image is searched in every eighth frame: a marker that
 // comes back is seen within 0.13 s, and the mean frame costs little more.
 constexpr int kSearchPeriod = 8;
 // Until then its window is tried: noise or a fast move may hide a code for a frame or two.
-constexpr int kGone = kSearchPeriod;
+constexpr int kNotFollowed = kSearchPeriod;
 
-/// How much smaller a picture may be searched for a marker with sides of this length.
+/// How much smaller an image may be searched for a marker with sides of this length.
 int shrink_for(float side_px) {
   return static_cast<int>(std::clamp(side_px / kSearchedSidePx, 1.0F, static_cast<float>(kLargestShrink)));
 }
@@ -43,7 +43,7 @@ void check_mount(const MountModel& mount) {
   }
 }
 
-/// Length of the marker's side in the picture when nothing touches the finger, seen face-on.
+/// Length of the marker's side in the image when nothing touches the finger, seen face-on.
 float side_at_rest_px(const MountModel& mount, const CameraModel& camera, std::size_t plate) {
   const Vec3f centre = mount.T_finger_camera.inverse() * mount.T_finger_marker[plate].translation();
   if (!(centre.z() > mount.marker_size_mm) || !centre.allFinite()) {
@@ -64,18 +64,18 @@ MarkerStage::MarkerStage(const MountModel& mount, const CameraModel& camera)
   const auto [smallest, largest] = std::minmax_element(side_px.begin(), side_px.end());
   sides_ = {*smallest * kSmallestSide, *largest * kLargestSide};
   shrink_ = shrink_for(*smallest);
-  missed_.fill(kGone);
+  missed_.fill(kNotFollowed);
 }
 
 const MarkerCorners& MarkerStage::find(const Frame& frame) {
   corners_.seen.fill(false);
   if (!frame.grey || frame.width_px != camera_.width_px || frame.height_px != camera_.height_px ||
       frame.stride_bytes < frame.width_px) {
-    missed_.fill(kGone);
+    missed_.fill(kNotFollowed);
     return corners_;
   }
-  const GreyView picture{frame.grey, frame.width_px, frame.height_px, frame.stride_bytes};
-  follow(picture);
+  const ImageView image{frame.grey, frame.width_px, frame.height_px, frame.stride_bytes};
+  follow(image);
 
   bool any = false, lost = false, missing = false;
   for (std::size_t p = 0; p < kPlates; ++p) {
@@ -84,17 +84,17 @@ const MarkerCorners& MarkerStage::find(const Frame& frame) {
     lost |= missed_[p] == 0 && !corners_.seen[p];
   }
   if (missing && (lost || !any || --frames_until_search_ <= 0)) {
-    search(picture);
+    search(image);
     frames_until_search_ = kSearchPeriod;
   }
-  for (std::size_t p = 0; p < kPlates; ++p) missed_[p] = corners_.seen[p] ? 0 : std::min(missed_[p] + 1, kGone);
+  for (std::size_t p = 0; p < kPlates; ++p) missed_[p] = corners_.seen[p] ? 0 : std::min(missed_[p] + 1, kNotFollowed);
   return corners_;
 }
 
 // Each window is asked for its own marker only, so a neighbour that reaches into it cannot count as a second one.
-void MarkerStage::follow(const GreyView& picture) {
+void MarkerStage::follow(const ImageView& image) {
   for (std::size_t p = 0; p < kPlates; ++p) {
-    if (missed_[p] >= kGone) continue;
+    if (missed_[p] >= kNotFollowed) continue;
     const std::array<Vec2f, 4> corners = corners_.corners_px[p];
     Vec2f low = corners[0], high = low;
     float shortest_px = (corners[3] - corners[0]).norm();
@@ -106,22 +106,22 @@ void MarkerStage::follow(const GreyView& picture) {
     const float margin = kWindowMargin * (high - low).maxCoeff();
     const int left = std::max(0, static_cast<int>(low.x() - margin));
     const int top = std::max(0, static_cast<int>(low.y() - margin));
-    const int right = std::min(picture.width_px, static_cast<int>(high.x() + margin) + 1);
-    const int bottom = std::min(picture.height_px, static_cast<int>(high.y() + margin) + 1);
-    const GreyView window{picture.at(left, top), right - left, bottom - top, picture.stride_bytes};
+    const int right = std::min(image.width_px, static_cast<int>(high.x() + margin) + 1);
+    const int bottom = std::min(image.height_px, static_cast<int>(high.y() + margin) + 1);
+    const ImageView window{image.at(left, top), right - left, bottom - top, image.stride_bytes};
     const Vec2f offset(static_cast<float>(left), static_cast<float>(top));
-    corners_.seen[p] = take(picture, detector_.find(window, shrink_for(shortest_px), sides_), offset, p);
+    corners_.seen[p] = take(image, detector_.find(window, shrink_for(shortest_px), sides_), offset, p);
   }
 }
 
-void MarkerStage::search(const GreyView& picture) {
-  const std::vector<FoundMarker>& found = detector_.find(picture, shrink_, sides_);
+void MarkerStage::search(const ImageView& image) {
+  const std::vector<FoundMarker>& found = detector_.find(image, shrink_, sides_);
   for (std::size_t p = 0; p < kPlates; ++p) {
-    if (!corners_.seen[p]) corners_.seen[p] = take(picture, found, Vec2f::Zero(), p);
+    if (!corners_.seen[p]) corners_.seen[p] = take(image, found, Vec2f::Zero(), p);
   }
 }
 
-bool MarkerStage::take(const GreyView& picture, const std::vector<FoundMarker>& found, const Vec2f& offset,
+bool MarkerStage::take(const ImageView& image, const std::vector<FoundMarker>& found, const Vec2f& offset,
                        std::size_t plate) {
   const FoundMarker* only = nullptr;
   for (const FoundMarker& marker : found) {
@@ -132,8 +132,8 @@ bool MarkerStage::take(const GreyView& picture, const std::vector<FoundMarker>& 
   if (!only) return false;
   std::array<Vec2f, 4> corners = only->corners_px;
   for (Vec2f& corner : corners) corner += offset;
-  if (!refine_corners(picture, camera_, corners)) return false;
-  if (!detector_.confirm(picture, corners, marker_id_[plate])) return false;
+  if (!refine_corners(image, camera_, corners)) return false;
+  if (!detector_.confirm(image, corners, marker_id_[plate])) return false;
   corners_.corners_px[plate] = corners;
   return true;
 }

@@ -1,14 +1,14 @@
 // Frame -> MarkerCorners.
 #pragma once
 
+#include "firmware/geometry/lens.h"
 #include "firmware/model/model.h"
-#include "firmware/vision/camera_model.h"
 #include "firmware/vision/marker_detector.h"
 
 namespace finsight {
 
-/// Finds the three markers' corners, to about 0.02 pixels in a sharp picture. Markers are followed in a window around
-/// their last place, for some frames also when they are not seen there; the whole picture is searched when one of them
+/// Finds the three markers' corners, to about 0.02 pixels in a sharp image. Markers are followed in a window around
+/// their last place, for some frames also when they are not seen there; the whole image is searched when one of them
 /// is lost, while none is seen, and now and then while one is missing.
 class MarkerStage {
  public:
@@ -18,22 +18,23 @@ class MarkerStage {
   MarkerStage(const Model& model, const CameraModel& camera) : MarkerStage(model.mount, camera) {}
 
   /// Markers not found, found at two places, with edges that are not straight, or with another code when read at full
-  /// size are not seen; neither is any in a frame without a picture or of another size than the camera's. Allocates
+  /// size are not seen; neither is any in a frame without an image or of another size than the camera's. Allocates
   /// (OpenCV does), never throws.
   const MarkerCorners& find(const Frame& frame);
 
  private:
-  void follow(const GreyView& picture);
-  void search(const GreyView& picture);
-  bool take(const GreyView& picture, const std::vector<FoundMarker>& found, const Vec2f& offset, std::size_t plate);
+  void follow(const ImageView& image);
+  void search(const ImageView& image);
+  bool take(const ImageView& image, const std::vector<FoundMarker>& found, const Vec2f& offset, std::size_t plate);
 
   CameraModel camera_;
   std::array<int, kPlates> marker_id_;
   SideLimits sides_;
-  int shrink_ = 1;  ///< how much smaller the whole picture is searched
+  int shrink_ = 1;  ///< how much smaller the whole image is searched
   MarkerDetector detector_;
   MarkerCorners corners_{};
-  std::array<int, kPlates> missed_;  ///< frames since a marker was seen, kGone for those that windows are not tried for
+  std::array<int, kPlates>
+      missed_;  ///< frames since a marker was seen, kNotFollowed for those that windows are not tried for
   int frames_until_search_ = 0;
 };
 

@@ -22,7 +22,7 @@ constexpr double kNearestMm = 1;  // corners nearer to the lens than this are no
 constexpr double kLinearFromSigmas = 3;
 constexpr double kGuessWeight = 4;    // of the guessed scatter, in numbers
 constexpr int kStepsWithScatter = 2;  // the scatter changes little: only the corners' weight against the prior
-constexpr double kLeastSigmaPx = 0.01, kMostSigmaPx = 1;
+constexpr double kMinSigmaPx = 0.01, kMaxSigmaPx = 1;
 
 double corner_weight(double sigmas_sq) {
   return 1 / std::sqrt(1 + sigmas_sq / (kLinearFromSigmas * kLinearFromSigmas));
@@ -142,7 +142,7 @@ void PlateEstimator::normal_equations(const PlateSight& sight, const Numbers& nu
   }
 }
 
-void PlateEstimator::improve(const PlateSight& sight, Numbers& numbers) const {
+void PlateEstimator::gauss_newton_step(const PlateSight& sight, Numbers& numbers) const {
   Matrix18 information;
   Numbers gradient;
   normal_equations(sight, numbers, information, gradient);
@@ -151,9 +151,9 @@ void PlateEstimator::improve(const PlateSight& sight, Numbers& numbers) const {
 
 PlateEstimator::Numbers PlateEstimator::estimate(PlateSight& sight, const Numbers& start, int steps) const {
   Numbers numbers = start;
-  for (int step = 0; step < steps; ++step) improve(sight, numbers);
+  for (int step = 0; step < steps; ++step) gauss_newton_step(sight, numbers);
   sight.corner_sigma_px = corner_sigma_px(sight, numbers);
-  for (int step = 0; step < kStepsWithScatter; ++step) improve(sight, numbers);
+  for (int step = 0; step < kStepsWithScatter; ++step) gauss_newton_step(sight, numbers);
   return numbers;
 }
 
@@ -205,7 +205,7 @@ double PlateEstimator::corner_sigma_px(const PlateSight& sight, const Numbers& n
     sum_sq += unexplained * sight.corner_sigma_px * sight.corner_sigma_px;
     left += 2;
   }
-  return std::clamp(std::sqrt(sum_sq / left), kLeastSigmaPx, kMostSigmaPx);
+  return std::clamp(std::sqrt(sum_sq / left), kMinSigmaPx, kMaxSigmaPx);
 }
 
 std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const Numbers& numbers) const {

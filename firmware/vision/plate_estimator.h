@@ -7,7 +7,7 @@
 
 namespace finsight {
 
-/// Standard deviation of a corner before any is seen: 0.02 ... 0.03 pixels are measured in drawn pictures with the blur
+/// Standard deviation of a corner before any is seen: 0.02 ... 0.03 pixels are measured in drawn images with the blur
 /// and noise of a good camera; as much again is left to the lens's calibration and the print.
 inline constexpr double kCornerSigmaPx = 0.05;
 
@@ -30,7 +30,7 @@ class PlateEstimator {
 
   const Numbers& prior_mean() const { return mean_; }
   /// One Gauss-Newton step from `numbers`, with each corner's weight as its distance there says.
-  void improve(const PlateSight& sight, Numbers& numbers) const;
+  void gauss_newton_step(const PlateSight& sight, Numbers& numbers) const;
   /// Steps from `start`, then the corners' scatter (into `sight`), then two steps more with it.
   Numbers estimate(PlateSight& sight, const Numbers& start, int steps) const;
   /// The corners' scatter as what no motion explains of their distances from the reprojection says: two numbers per

@@ -88,7 +88,7 @@ PoseStage::Numbers PoseStage::estimate_jointly() {
       numbers.segment<6>(6 * static_cast<int>(p)) = estimator_.motion(p, pose);
     }
     if (!possible) continue;
-    estimator_.improve(sight_, numbers);
+    estimator_.gauss_newton_step(sight_, numbers);
     const double cost = estimator_.cost(sight_, numbers);
     if (cost < best_cost) {
       best_cost = cost;

@@ -1,10 +1,10 @@
 // MarkerCorners -> PlatePoses.
 #pragma once
 
+#include "firmware/geometry/lens.h"
 #include "firmware/model/model.h"
-#include "firmware/vision/camera_model.h"
-#include "firmware/vision/one_body.h"
 #include "firmware/vision/plate_estimator.h"
+#include "firmware/vision/rigid_motion_fit.h"
 
 namespace finsight {
 
@@ -27,7 +27,7 @@ class PoseStage {
   /// allocates.
   const PlatePoses& estimate(const MarkerCorners& corners);
   /// Of the corners that the last estimate used: one motion of the whole finger from where the plates are at `zero`.
-  OneBody::Fit as_one_body(const std::array<PlateMotion, kPlates>& zero) const { return one_body_.fit(sight_, zero); }
+  RigidMotionFit as_one_body(const std::array<PlateMotion, kPlates>& zero) const { return one_body_.fit(sight_, zero); }
 
  private:
   using Numbers = PlateEstimator::Numbers;
@@ -40,7 +40,7 @@ class PoseStage {
   float marker_size_mm_;
   PlatePrior prior_;
   PlateEstimator estimator_;
-  OneBody one_body_;
+  RigidMotionFitter one_body_;
   PoseMethod method_;
   PlateSight sight_;
   std::array<SquarePoses, kPlates> squares_;  ///< of the seen plates: at least one pose each

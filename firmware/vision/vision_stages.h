@@ -2,8 +2,6 @@
 // aruco_compat.cpp and marker_detector.cpp.
 #pragma once
 
+#include "firmware/vision/image_check.h"
 #include "firmware/vision/marker_stage.h"
-#include "firmware/vision/mount_check.h"
-#include "firmware/vision/picture_check.h"
-#include "firmware/vision/pose_filter.h"
 #include "firmware/vision/pose_stage.h"

@@ -12,10 +12,10 @@
 #include "firmware/shape/soft_newton.h"
 #include "hostgen/bench/iteration.h"
 #include "hostgen/bench/schedules.h"
-#include "hostgen/common.h"
 #include "hostgen/fem/shape_model.h"
 #include "hostgen/finger/mesh.h"
 #include "hostgen/finger/mount.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -42,8 +42,8 @@ void stay_on_one_core() {
   if (sched_setaffinity(0, sizeof core, &core) != 0) throw std::runtime_error("bench: cannot stay on one core");
 }
 
-/// The ways in turn, round by round, so that the machine's mood meets all of them. The shortest iteration of each counts:
-/// what else the machine does only adds.
+/// The ways in turn, round by round, so that the machine's mood meets all of them. The shortest iteration of each
+/// counts: what else the machine does only adds.
 json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, Iteration>>& ways, int rounds) {
   constexpr double kTurn_us = 30'000;
   std::vector<IterationTime> best(ways.size());

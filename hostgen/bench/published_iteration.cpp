@@ -9,8 +9,8 @@
 
 #include "firmware/shape/soft_newton.h"
 #include "hostgen/bench/iteration.h"
+#include "hostgen/bench/second_order.h"
 #include "hostgen/bench/stopwatch.h"
-#include "hostgen/report/second_order.h"
 
 namespace finsight::host {
 

@@ -7,7 +7,7 @@
 
 #include "firmware/shape/newton.h"
 #include "hostgen/bench/stopwatch.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

@@ -1,8 +1,8 @@
 // Fixed schedules of the Newton solver over a motion: time per frame against the distance to the converged shape.
 #pragma once
 
-#include "hostgen/report/motions.h"
-#include "hostgen/report/shape_distance.h"
+#include "hostgen/hard_cases/motions.h"
+#include "hostgen/hard_cases/shape_distance.h"
 
 namespace finsight::host {
 

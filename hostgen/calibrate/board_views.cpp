@@ -6,7 +6,7 @@
 
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -23,7 +23,7 @@ std::string extension(const fs::path& file) {
   return text;
 }
 
-std::vector<fs::path> picture_files(const fs::path& folder) {
+std::vector<fs::path> image_files(const fs::path& folder) {
   std::error_code error;
   std::vector<fs::path> files;
   for (const auto& entry : fs::directory_iterator(folder, error)) {
@@ -31,13 +31,13 @@ std::vector<fs::path> picture_files(const fs::path& folder) {
     if (kind == ".png" || kind == ".pgm" || kind == ".y4m") files.push_back(entry.path());
   }
   if (error) throw InputError(folder.string(), "is no folder that can be read");
-  if (files.empty()) throw InputError(folder.string(), "pictures", "none", "files ending in .png, .pgm or .y4m");
+  if (files.empty()) throw InputError(folder.string(), "images", "none", "files ending in .png, .pgm or .y4m");
   std::sort(files.begin(), files.end());
   return files;
 }
 
 /// How many of a file's frames are looked at; what is wrong with it shows when they are.
-std::size_t pictures_in(const fs::path& file, int every) {
+std::size_t images_in(const fs::path& file, int every) {
   if (extension(file) != ".y4m") return 1;
   std::size_t frames = 0;
   try {
@@ -47,12 +47,12 @@ std::size_t pictures_in(const fs::path& file, int every) {
   return 1 + frames / static_cast<std::size_t>(every);
 }
 
-BoardView view_of(const std::string& name, const GreyView& picture, BoardFinder& finder) {
+BoardView view_of(const std::string& name, const ImageView& image, BoardFinder& finder) {
   BoardView view;
   view.name = name;
-  view.width_px = picture.width_px;
-  view.height_px = picture.height_px;
-  view.sight = finder.find(picture);
+  view.width_px = image.width_px;
+  view.height_px = image.height_px;
+  view.sight = finder.find(image);
   return view;
 }
 
@@ -80,8 +80,8 @@ void add_frames(const fs::path& file, int every, BoardFinder& finder, std::vecto
         if (frame == 0) throw InputError(file.string(), "frames", "none", "one or more");
         return;
       }
-      const GreyView picture{grey.data(), reader.width_px(), reader.height_px(), reader.width_px()};
-      views.push_back(view_of(name + " " + std::to_string(frame), picture, finder));
+      const ImageView image{grey.data(), reader.width_px(), reader.height_px(), reader.width_px()};
+      views.push_back(view_of(name + " " + std::to_string(frame), image, finder));
       progress.advance();
     }
   } catch (const InputError& error) {
@@ -89,11 +89,11 @@ void add_frames(const fs::path& file, int every, BoardFinder& finder, std::vecto
   }
 }
 
-void add_picture(const fs::path& file, BoardFinder& finder, std::vector<BoardView>& views) {
+void add_image(const fs::path& file, BoardFinder& finder, std::vector<BoardView>& views) {
   const std::string name = file.filename().string();
   try {
-    const GreyPicture picture = extension(file) == ".png" ? read_png(file) : read_pgm(file);
-    views.push_back(view_of(name, picture.view(), finder));
+    const GreyImage image = extension(file) == ".png" ? read_png(file) : read_pgm(file);
+    views.push_back(view_of(name, image.view(), finder));
   } catch (const InputError& error) {
     views.push_back(unreadable(name, error));
   }
@@ -115,7 +115,7 @@ std::string fault_of(const CharucoBoard& board, const BoardSight& sight) {
     return std::to_string(sight.markers) + " markers, but not as on a board of " + std::to_string(board.columns) + "x" +
            std::to_string(board.rows) + " squares";
   }
-  if (sight.id.size() < kFewestCorners) return "only " + corners + ", fewer than " + std::to_string(kFewestCorners);
+  if (sight.id.size() < kMinCorners) return "only " + corners + ", fewer than " + std::to_string(kMinCorners);
   if (lies_on_a_line(board, sight.id)) return corners + " in one line";
   if (sight.edge_px > std::min(kBlurredPx, kBlurredShare * sight.square_px)) {
     return "blurred: edges are " + std::to_string(static_cast<int>(sight.edge_px + 0.5)) + " pixels wide";
@@ -134,7 +134,7 @@ void reject_other_sizes(std::vector<BoardView>& views) {
       std::max_element(times.begin(), times.end(), [](auto& a, auto& b) { return a.second < b.second; })->first;
   for (BoardView* view : used_views(views)) {
     const Size other{view->width_px, view->height_px};
-    if (other != size) view->rejected = text_of(other) + " pixels, most pictures have " + text_of(size);
+    if (other != size) view->rejected = text_of(other) + " pixels, most images have " + text_of(size);
   }
 }
 
@@ -153,7 +153,7 @@ double distance_px(const BoardSight& a, const BoardSight& b) {
   return 2 * both < std::max(a.id.size(), b.id.size()) ? 1e9 : sum / static_cast<double>(both);
 }
 
-/// The earlier of two views stays. So many pictures that too many stay are thinned out further.
+/// The earlier of two views stays. So many images that too many stay are thinned out further.
 void reject_duplicates(std::vector<BoardView>& views) {
   std::vector<BoardView*> kept = used_views(views);
   if (kept.empty()) return;
@@ -170,25 +170,25 @@ void reject_duplicates(std::vector<BoardView>& views) {
       }
     }
     kept = different;
-    if (kept.size() <= kMostViews) return;
+    if (kept.size() <= kMaxViews) return;
   }
 }
 
 }  // namespace
 
 std::vector<BoardView> read_board_views(const fs::path& folder, const CharucoBoard& board, int every) {
-  const std::vector<fs::path> files = picture_files(folder);
+  const std::vector<fs::path> files = image_files(folder);
   BoardFinder finder(board);
   std::vector<BoardView> views;
-  std::size_t pictures = 0;
-  for (const fs::path& file : files) pictures += pictures_in(file, every);
-  Progress progress("pictures", pictures);
+  std::size_t images = 0;
+  for (const fs::path& file : files) images += images_in(file, every);
+  Progress progress("images", images);
   for (const fs::path& file : files) {
     if (interrupted()) throw Interrupted();
     if (extension(file) == ".y4m") {
       add_frames(file, every, finder, views, progress);
     } else {
-      add_picture(file, finder, views);
+      add_image(file, finder, views);
       progress.advance();
     }
   }

@@ -1,4 +1,4 @@
-// A folder of pictures of the calibration board -> views, each used or rejected with the reason.
+// A folder of images of the calibration board -> views, each used or rejected with the reason.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -10,7 +10,7 @@
 
 namespace finsight::host {
 
-/// One picture of the board.
+/// One image of the board.
 struct BoardView {
   std::string name;  ///< file, and frame in it
   int width_px = 0, height_px = 0;
@@ -27,11 +27,11 @@ struct BoardView {
 /// there or holds none of these files.
 std::vector<BoardView> read_board_views(const std::filesystem::path& folder, const CharucoBoard& board, int every);
 
-/// Rejects what must not count, each with its reason: no board or another one, too few corners, blur, another picture
-/// size than most have, and views that show what an earlier one shows. At most kMostViews stay.
+/// Rejects what must not count, each with its reason: no board or another one, too few corners, blur, another image
+/// size than most have, and views that show what an earlier one shows. At most kMaxViews stay.
 void reject_bad_views(const CharucoBoard& board, std::vector<BoardView>& views);
-inline constexpr int kMostViews = 60;  ///< more change nothing but the time, which grows with their third power
-inline constexpr int kFewestCorners = 12;
+inline constexpr int kMaxViews = 60;  ///< more change nothing but the time, which grows with their third power
+inline constexpr int kMinCorners = 12;
 
 /// Those that are not rejected.
 std::vector<BoardView*> used_views(std::vector<BoardView>& views);

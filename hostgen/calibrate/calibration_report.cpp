@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "firmware/ports/session.h"
-#include "hostgen/gnuplot.h"
+#include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
 
@@ -30,7 +30,7 @@ std::string view_table(const std::vector<BoardView>& views) {
   std::size_t widest = 7;
   for (const BoardView& view : views) widest = std::max(widest, view.name.size());
   const int width = static_cast<int>(widest);
-  std::string table = text("%-*s %8s %8s %8s  ", width, "picture", "corners", "edge px", "off px") + "result\n";
+  std::string table = text("%-*s %8s %8s %8s  ", width, "image", "corners", "edge px", "off px") + "result\n";
   for (const BoardView& view : views) {
     const bool has_corners = !view.sight.id.empty();
     table += view.name + std::string(widest - view.name.size(), ' ') + text(" %8zu ", view.sight.id.size());
@@ -49,7 +49,7 @@ std::string calibration_text(const LensCalibration& lens, const Coverage& covera
     const char* format = i < 4 ? "%s %12.3f %11.3f px\n" : "%s %12.5f %11.5f\n";
     out += text(format, kLensNames[i], lens.value[i], lens.sigma[i]);
   }
-  out += "views in every ninth of the picture:\n";
+  out += "views in every ninth of the image:\n";
   for (std::size_t row = 0; row < 3; ++row) {
     const int* of_row = &coverage.views[3 * row];
     out += text("%5d %5d %5d\n", of_row[0], of_row[1], of_row[2]);
@@ -57,7 +57,7 @@ std::string calibration_text(const LensCalibration& lens, const Coverage& covera
   out += text("views whose left side is nearer by %.0f degrees or more: %d, right: %d, upper: %d, lower: %d\n",
               kTiltDeg, coverage.tilted[0], coverage.tilted[1], coverage.tilted[2], coverage.tilted[3]);
   if (!coverage.no_lens.empty()) {
-    out += "the model turns back in these corners of the picture, a marker there is not measured:";
+    out += "the model turns back in these corners of the image, a marker there is not measured:";
     for (const std::string& corner : coverage.no_lens)
       out += (&corner == coverage.no_lens.data() ? " " : ", ") + corner;
     out += "\n";

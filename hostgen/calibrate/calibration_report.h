@@ -1,4 +1,4 @@
-// What a calibration says of itself: tables, the TOML for board files, a picture.
+// What a calibration says of itself: tables, the TOML for board files, an image.
 #pragma once
 
 #include <filesystem>
@@ -8,17 +8,17 @@
 
 namespace finsight::host {
 
-/// A line per picture: corners, width of the edges, distance from the model, and used or why not.
+/// A line per image: corners, width of the edges, distance from the model, and used or why not.
 std::string view_table(const std::vector<BoardView>& views);
 
 /// The numbers with their standard deviations, the coverage, and the advice.
 std::string calibration_text(const LensCalibration& lens, const Coverage& coverage);
 
 /// What a board file's key `lens` names (firmware/ports/session.h, read_lens()), with comments. `source`: of the
-/// pictures.
+/// images.
 std::string lens_file(const LensCalibration& lens, const std::string& source);
 
-/// All corners in the picture and how far they are from the model, `kPlotScale` times as long. Throws
+/// All corners in the image and how far they are from the model, `kPlotScale` times as long. Throws
 /// std::runtime_error without gnuplot.
 void plot_calibration(const LensCalibration& lens, const std::vector<BoardView>& views,
                       const std::filesystem::path& svg);

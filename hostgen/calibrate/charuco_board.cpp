@@ -10,7 +10,7 @@
 
 #include "firmware/input_error.h"
 #include "firmware/vision/aruco_compat.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kSquare = CharucoBoard::kModulesPerSquare, kMargin = kSquare / 2;
 
-/// Where squares are in the picture, as one marker tells it.
+/// Where squares are in the image, as one marker tells it.
 struct SeenMarker {
   cv::Matx33d px_from_square;
   double side_px = 0;      ///< of a square; mean
@@ -50,13 +50,13 @@ SeenMarker seen_marker(const FoundMarker& found, int column, int row) {
 }
 
 /// The markers by id; those that are there twice are not told apart and count as none.
-std::map<int, FoundMarker> find_markers(MarkerDetector& detector, const GreyView& picture) {
-  const float longest_px = static_cast<float>(std::max(picture.width_px, picture.height_px));
+std::map<int, FoundMarker> find_markers(MarkerDetector& detector, const ImageView& image) {
+  const float longest_px = static_cast<float>(std::max(image.width_px, image.height_px));
   std::map<int, FoundMarker> markers;
-  // The detector's windows are made for markers of 24 to 72 pixels: larger ones are found in reduced pictures.
+  // The detector's windows are made for markers of 24 to 72 pixels: larger ones are found in reduced images.
   for (const int shrink : {1, 2, 4}) {
     std::map<int, int> times;
-    const std::vector<FoundMarker>& found = detector.find(picture, shrink, {12.0F * shrink, longest_px / 2});
+    const std::vector<FoundMarker>& found = detector.find(image, shrink, {12.0F * shrink, longest_px / 2});
     for (const FoundMarker& marker : found) ++times[marker.id];
     for (const FoundMarker& marker : found) {
       if (times[marker.id] == 1) markers.emplace(marker.id, marker);
@@ -88,16 +88,14 @@ std::optional<Prediction> predict(const CharucoBoard& board, const std::map<int,
 }
 
 /// The saddle point near the prediction. The window must not reach the markers, one module away.
-std::optional<Vec2f> refine(const cv::Mat& picture, const Prediction& predicted) {
+std::optional<Vec2f> refine(const cv::Mat& image, const Prediction& predicted) {
   const int half = std::clamp(static_cast<int>(predicted.shortest_px / kSquare), 2, 10);
   const Eigen::Vector2d& at = predicted.at_px;
-  if (!(at.x() > half + 2 && at.y() > half + 2 && at.x() < picture.cols - half - 3 &&
-        at.y() < picture.rows - half - 3)) {
+  if (!(at.x() > half + 2 && at.y() > half + 2 && at.x() < image.cols - half - 3 && at.y() < image.rows - half - 3)) {
     return std::nullopt;
   }
   std::vector<cv::Point2f> corner = {{static_cast<float>(at.x()), static_cast<float>(at.y())}};
-  cv::cornerSubPix(picture, corner, {half, half}, {-1, -1},
-                   {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 50, 0.002});
+  cv::cornerSubPix(image, corner, {half, half}, {-1, -1}, {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 50, 0.002});
   const Vec2f found(corner[0].x, corner[0].y);
   const double moved_px = (found.cast<double>() - at).norm();
   if (!(moved_px < 1 + 0.1 * predicted.side_px)) return std::nullopt;
@@ -105,13 +103,13 @@ std::optional<Vec2f> refine(const cv::Mat& picture, const Prediction& predicted)
 }
 
 /// Width of the edge between a black and a white square in the middle between two corners: contrast over largest slope.
-/// A sharp edge has one pixel, a Gaussian blur of standard deviation s has 2.5 s. Nothing at the picture's border.
-std::optional<double> edge_width_px(const GreyView& picture, const Vec2f& a, const Vec2f& b) {
+/// A sharp edge has one pixel, a Gaussian blur of standard deviation s has 2.5 s. Nothing at the image's border.
+std::optional<double> edge_width_px(const ImageView& image, const Vec2f& a, const Vec2f& b) {
   const Vec2f along = b - a, middle = (a + b) / 2;
   const Vec2f across = Vec2f(-along.y(), along.x()) * (0.9F / kSquare);  // nearly to the marker
   const Vec2f low = middle - across.cwiseAbs(), high = middle + across.cwiseAbs();
-  if (!(low.minCoeff() >= 0 && high.x() < static_cast<float>(picture.width_px - 1) &&
-        high.y() < static_cast<float>(picture.height_px - 1))) {
+  if (!(low.minCoeff() >= 0 && high.x() < static_cast<float>(image.width_px - 1) &&
+        high.y() < static_cast<float>(image.height_px - 1))) {
     return std::nullopt;
   }
   float darkest = 255, brightest = 0, steepest = 0, before = 0;
@@ -119,7 +117,7 @@ std::optional<double> edge_width_px(const GreyView& picture, const Vec2f& a, con
   const float step_px = across.norm() / static_cast<float>(steps);
   for (int i = -steps; i <= steps; ++i) {
     const Vec2f at = middle + across * (static_cast<float>(i) / static_cast<float>(steps));
-    const float grey = picture.sample(at.x(), at.y());
+    const float grey = image.sample(at.x(), at.y());
     darkest = std::min(darkest, grey);
     brightest = std::max(brightest, grey);
     if (i > -steps) steepest = std::max(steepest, std::abs(grey - before) / step_px);
@@ -129,7 +127,7 @@ std::optional<double> edge_width_px(const GreyView& picture, const Vec2f& a, con
   return static_cast<double>((brightest - darkest) / steepest);
 }
 
-void measure_edges(const GreyView& picture, const CharucoBoard& board, BoardSight& sight) {
+void measure_edges(const ImageView& image, const CharucoBoard& board, BoardSight& sight) {
   std::map<int, Vec2f> by_id;
   for (std::size_t i = 0; i < sight.id.size(); ++i) by_id.emplace(sight.id[i], sight.corner_px[i]);
   const auto median_px = [&](int next, double& square_px) {
@@ -138,7 +136,7 @@ void measure_edges(const GreyView& picture, const CharucoBoard& board, BoardSigh
       const auto other = by_id.find(id + next);
       const bool is_in_row = next > 1 || (id + 1) % board.corners_per_row() != 0;
       if (other == by_id.end() || !is_in_row) continue;
-      if (const auto width_px = edge_width_px(picture, corner, other->second)) widths.push_back(*width_px);
+      if (const auto width_px = edge_width_px(image, corner, other->second)) widths.push_back(*width_px);
       sides.push_back(static_cast<double>((other->second - corner).norm()));
     }
     square_px += quantile(sides, 0.5) / 2;
@@ -161,11 +159,11 @@ void CharucoBoard::check() const {
   }
 }
 
-GreyPicture CharucoBoard::modules() const {
-  GreyPicture picture{columns * kSquare + 2 * kMargin, rows * kSquare + 2 * kMargin, {}};
-  picture.grey.assign(static_cast<std::size_t>(picture.width_px * picture.height_px), 255);
+GreyImage CharucoBoard::modules() const {
+  GreyImage image{columns * kSquare + 2 * kMargin, rows * kSquare + 2 * kMargin, {}};
+  image.grey.assign(static_cast<std::size_t>(image.width_px * image.height_px), 255);
   const auto paint = [&](int x, int y) {
-    picture.grey[static_cast<std::size_t>((y + kMargin) * picture.width_px + x + kMargin)] = 0;
+    image.grey[static_cast<std::size_t>((y + kMargin) * image.width_px + x + kMargin)] = 0;
   };
   for (int y = 0; y < rows * kSquare; ++y) {
     for (int x = 0; x < columns * kSquare; ++x) {
@@ -177,11 +175,11 @@ GreyPicture CharucoBoard::modules() const {
       }
     }
   }
-  return picture;
+  return image;
 }
 
 std::string board_svg(const CharucoBoard& board, double square_mm) {
-  const GreyPicture modules = board.modules();
+  const GreyImage modules = board.modules();
   char head[512];
   const auto mm = [&](int module_count) { return module_count * square_mm / kSquare; };
   std::snprintf(head, sizeof head,
@@ -206,9 +204,9 @@ std::string board_svg(const CharucoBoard& board, double square_mm) {
 
 std::string board_png(const CharucoBoard& board, double square_mm) {
   constexpr double kDotsPerMm = 600 / 25.4;
-  const GreyPicture modules = board.modules();
+  const GreyImage modules = board.modules();
   const int scale = std::max(1, static_cast<int>(std::lround(kDotsPerMm * square_mm / kSquare)));
-  GreyPicture large{modules.width_px * scale, modules.height_px * scale, {}};
+  GreyImage large{modules.width_px * scale, modules.height_px * scale, {}};
   for (int y = 0; y < large.height_px; ++y) {
     for (int x = 0; x < large.width_px; ++x) large.grey.push_back(*modules.view().at(x / scale, y / scale));
   }
@@ -217,9 +215,9 @@ std::string board_png(const CharucoBoard& board, double square_mm) {
 
 BoardFinder::BoardFinder(const CharucoBoard& board) : board_(board) { board_.check(); }
 
-BoardSight BoardFinder::find(const GreyView& picture) {
+BoardSight BoardFinder::find(const ImageView& image) {
   BoardSight sight;
-  const std::map<int, FoundMarker> found = find_markers(detector_, picture);
+  const std::map<int, FoundMarker> found = find_markers(detector_, image);
   sight.markers = static_cast<int>(found.size());
   std::map<int, SeenMarker> seen;
   for (int row = 0; row < board_.rows; ++row) {
@@ -229,8 +227,8 @@ BoardSight BoardFinder::find(const GreyView& picture) {
       seen.emplace(marker->first, seen_marker(marker->second, column, row));
     }
   }
-  const cv::Mat grey(picture.height_px, picture.width_px, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels),
-                     static_cast<std::size_t>(picture.stride_bytes));
+  const cv::Mat grey(image.height_px, image.width_px, CV_8UC1, const_cast<std::uint8_t*>(image.pixels),
+                     static_cast<std::size_t>(image.stride_bytes));
   for (int id = 0; id < board_.corners(); ++id) {
     const auto predicted = predict(board_, seen, id, sight.meetings);
     const auto corner = predicted ? refine(grey, *predicted) : std::nullopt;
@@ -238,7 +236,7 @@ BoardSight BoardFinder::find(const GreyView& picture) {
     sight.id.push_back(id);
     sight.corner_px.push_back(*corner);
   }
-  measure_edges(picture, board_, sight);
+  measure_edges(image, board_, sight);
   return sight;
 }
 

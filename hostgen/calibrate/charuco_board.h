@@ -1,4 +1,4 @@
-// The calibration board: a ChArUco board as OpenCV defines it. How it looks, and where its corners are in a picture.
+// The calibration board: a ChArUco board as OpenCV defines it. How it looks, and where its corners are in an image.
 #pragma once
 
 #include <climits>
@@ -7,7 +7,7 @@
 
 #include "firmware/types.h"
 #include "firmware/vision/marker_detector.h"
-#include "hostgen/calibrate/grey_picture.h"
+#include "hostgen/calibrate/grey_image.h"
 
 namespace finsight::host {
 
@@ -28,7 +28,7 @@ struct CharucoBoard {
   /// Of the marker in a white square.
   int marker(int column, int row) const { return (row * columns + column) / 2; }
   /// One pixel per module, 8 modules per square, and a white margin of half a square.
-  GreyPicture modules() const;
+  GreyImage modules() const;
 };
 
 /// The board for a printer, with its squares exactly so large on paper.
@@ -36,7 +36,7 @@ std::string board_svg(const CharucoBoard& board, double square_mm);
 /// About 600 dots per inch, a whole number of them per module.
 std::string board_png(const CharucoBoard& board, double square_mm);
 
-/// What is seen of a board in one picture.
+/// What is seen of a board in one image.
 struct BoardSight {
   std::vector<int> id;           ///< of inner corners
   std::vector<Vec2f> corner_px;  ///< of each
@@ -50,7 +50,7 @@ class BoardFinder {
  public:
   explicit BoardFinder(const CharucoBoard& board);
   /// Corners between two markers that agree where it is, refined to a tenth of a pixel.
-  BoardSight find(const GreyView& picture);
+  BoardSight find(const ImageView& image);
 
  private:
   CharucoBoard board_;

@@ -6,8 +6,8 @@
 #include <opencv2/calib3d.hpp>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -16,7 +16,7 @@ namespace {
 // Of the median corner's distance from the model, or view's; and never below so many pixels.
 constexpr double kCornerTimes = 5, kViewTimes = 3, kOutlierPx = 0.25;
 constexpr double kOutlierShare = 0.2;         // of a view's corners: with more of them the view itself is the outlier
-constexpr double kFarthestShare = 1 / 640.0;  // of the picture's width, RMS: what no single lens explains
+constexpr double kFarthestShare = 1 / 640.0;  // of the image's width, RMS: what no single lens explains
 constexpr double kUndetermined = 0.02;  // standard deviation of focal length and principal point, of the focal length
 
 struct Fit {
@@ -105,7 +105,7 @@ bool drop_outlier_corners(const std::vector<BoardView*>& views) {
       kept.corner_px.push_back(view->sight.corner_px[i]);
     }
     const std::size_t before = view->sight.id.size(), after = kept.id.size();
-    const auto fewest = std::max<double>(kFewestCorners, (1 - kOutlierShare) * static_cast<double>(before));
+    const auto fewest = std::max<double>(kMinCorners, (1 - kOutlierShare) * static_cast<double>(before));
     if (after == before || static_cast<double>(after) < fewest) continue;
     view->sight = kept;
     any = true;
@@ -138,10 +138,9 @@ void check_determined(const LensCalibration& lens, const std::string& name) {
   if (lens.rms_px > kFarthestShare * lens.width_px) {
     char off[64];
     std::snprintf(off, sizeof off, "%.2f pixels from the best lens (RMS)", lens.rms_px);
-    throw InputError(
-        name, "corners", off,
-        "at most 1/640 of the picture's width: is it the board of --squares, flat, and one lens that stayed "
-        "as it was?");
+    throw InputError(name, "corners", off,
+                     "at most 1/640 of the image's width: is it the board of --squares, flat, and one lens that stayed "
+                     "as it was?");
   }
   const double largest = *std::max_element(sigma.begin(), sigma.begin() + 4) / value[0];
   if (largest <= kUndetermined) return;
@@ -180,9 +179,9 @@ LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>
   for (;;) {
     if (interrupted()) throw Interrupted();
     const std::vector<BoardView*> used = used_views(views);
-    if (used.size() < kFewestViews) {
-      throw InputError(name, "usable pictures", std::to_string(used.size()) + " of " + std::to_string(views.size()),
-                       "at least " + std::to_string(kFewestViews));
+    if (used.size() < kMinViews) {
+      throw InputError(name, "usable images", std::to_string(used.size()) + " of " + std::to_string(views.size()),
+                       "at least " + std::to_string(kMinViews));
     }
     LensCalibration lens;
     try {

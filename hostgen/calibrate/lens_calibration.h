@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware/vision/camera_model.h"
+#include "firmware/geometry/lens.h"
 #include "hostgen/calibrate/board_views.h"
 
 namespace finsight::host {
@@ -24,19 +24,19 @@ struct LensCalibration {
   CameraModel camera() const;
 };
 
-inline constexpr std::size_t kFewestViews = 6;
+inline constexpr std::size_t kMinViews = 6;
 
 /// Pinhole and Brown-Conrady by cv::calibrateCamera (Zhang, "A flexible new technique for camera calibration", 2000),
 /// from the views that are not rejected. Corners and views that the rest does not explain are left out on the way.
-/// Fills what views have of the calibration. Throws InputError (`name` stands for the file) if fewer than kFewestViews
+/// Fills what views have of the calibration. Throws InputError (`name` stands for the file) if fewer than kMinViews
 /// are left or they do not determine a lens.
 LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name);
 
 /// How well the views cover what they should.
 struct Coverage {
-  std::array<int, 9> views{};        ///< by ninth of the picture, row by row: views with three corners or more there
+  std::array<int, 9> views{};        ///< by ninth of the image, row by row: views with three corners or more there
   std::array<int, 4> tilted{};       ///< views whose left, right, upper, lower side is nearer, by kTiltDeg or more
-  std::vector<std::string> no_lens;  ///< corners of the picture for which the model has no line of sight
+  std::vector<std::string> no_lens;  ///< corners of the image for which the model has no line of sight
 };
 inline constexpr double kTiltDeg = 12;
 Coverage coverage_of(const LensCalibration& lens, std::vector<BoardView>& views);

@@ -8,12 +8,12 @@
 
 #include "firmware/input_error.h"
 #include "firmware/ports/camera.h"
-#include "firmware/settings.h"
+#include "firmware/settings/settings.h"
 #include "firmware/vision/ippe.h"
 #include "firmware/vision/marker_stage.h"
 #include "firmware/vision/plate_estimator.h"
-#include "hostgen/common.h"
 #include "hostgen/finger/plate_motion.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -22,7 +22,7 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector2d;
 
-constexpr int kFewestFrames = 10;
+constexpr int kMinFrames = 10;
 constexpr double kStillPx = 0.5;    // scatter of a corner: noise makes a tenth of that, the lightest touch more
 constexpr double kLargestPx = 0.5;  // from the estimate: more is another lens, marker size or finger
 constexpr double kDegPerRad = 180 / std::numbers::pi;
@@ -114,11 +114,11 @@ RestingCorners resting_corners(const std::filesystem::path& session, const Mount
     ++rest.frames;
   }
   if (!camera->error().empty()) throw InputError(session.string(), camera->error());
-  if (rest.frames < kFewestFrames) {
+  if (rest.frames < kMinFrames) {
     throw InputError(session.string(), "frames that show all three markers",
                      std::to_string(rest.frames) + " (top " + std::to_string(seen[kTopPlate]) + ", middle " +
                          std::to_string(seen[kMiddlePlate]) + ", low " + std::to_string(seen[kLowPlate]) + ")",
-                     std::to_string(kFewestFrames) + " or more");
+                     std::to_string(kMinFrames) + " or more");
   }
   for (std::size_t p = 0; p < kPlates; ++p) {
     for (std::size_t k = 0; k < 4; ++k) {

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <string>
 
-#include "firmware/measured_mount.h"
-#include "firmware/vision/camera_model.h"
+#include "firmware/geometry/lens.h"
+#include "firmware/settings/measured_mount.h"
 
 namespace finsight::host {
 

@@ -7,9 +7,9 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "hostgen/common.h"
 #include "hostgen/fem/statics.h"
-#include "hostgen/run_program.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/run_program.h"
 
 namespace finsight::host {
 

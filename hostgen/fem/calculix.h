@@ -1,5 +1,5 @@
-// The same finite-element problem solved by CalculiX (Debian: calculix-ccx), to check our statics against code that we did
-// not write.
+// The same finite-element problem solved by CalculiX (Debian: calculix-ccx), to check our statics against code that we
+// did not write.
 #pragma once
 
 #include "hostgen/fem/quadratic_mesh.h"

@@ -16,7 +16,7 @@ namespace {
 
 using Lists = std::vector<std::vector<int>>;
 
-constexpr int kFewestForDissection = 100;  // blocks; below, METIS has nothing to dissect
+constexpr int kMinForDissection = 100;  // blocks; below, METIS has nothing to dissect
 
 void check_neighbours(const Lists& neighbours) {
   const int n = static_cast<int>(neighbours.size());
@@ -216,7 +216,7 @@ CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours) 
   check_neighbours(neighbours);
   std::vector<int> first_order = minimum_degree(neighbours);
   std::vector<Supernode> nodes = merge_columns(eliminate(neighbours, first_order));
-  if (kFewestForDissection <= static_cast<int>(neighbours.size())) {
+  if (kMinForDissection <= static_cast<int>(neighbours.size())) {
     std::vector<int> dissected = nested_dissection(neighbours);
     std::vector<Supernode> dissected_nodes = merge_columns(eliminate(neighbours, dissected));
     if (cost_of(dissected_nodes) < cost_of(nodes)) {

@@ -19,11 +19,11 @@ using Eigen::Matrix2Xd;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kMostContacts = 5;
+constexpr Index kMaxContacts = 5;
 // chi-squared at 99 % for three numbers (two coordinates and a force), and at 95 % for the two coordinates.
 constexpr double kWorthAContact = 11.34, kAsGood = 5.99;
 constexpr double kEqual = 0.01;  // misfits nearer than this are equal
-constexpr int kMostMoves = 20, kMostRefinements = 10, kHalvings = 4;
+constexpr int kMaxMoves = 20, kMaxRefinements = 10, kHalvings = 4;
 constexpr double kLongestMove_mm = 3;    // of one refinement
 constexpr double kDifference_mm = 0.25;  // for derivatives by the place
 
@@ -106,16 +106,16 @@ MatrixXd derivatives(const PushResponse& response, const ContactChoice& choice) 
 }
 
 /// What is not known at all (beside the face) counts as known to 30 mm.
-constexpr double kLeast = 1.0 / (30 * 30);
+constexpr double kMin = 1.0 / (30 * 30);
 
 /// Inverse of the contacts' information.
 MatrixXd covariance(const MatrixXd& M) {
-  return (M.transpose() * M + kLeast * MatrixXd::Identity(M.cols(), M.cols())).inverse();
+  return (M.transpose() * M + kMin * MatrixXd::Identity(M.cols(), M.cols())).inverse();
 }
 
 /// Every contact in turn goes to the place of the grid where it explains most, until none wants to move.
 ContactChoice moved(const PushResponse& response, const VectorXd& goal, ContactChoice choice) {
-  for (int move = 0; move < kMostMoves; ++move) {
+  for (int move = 0; move < kMaxMoves; ++move) {
     bool better = false;
     for (Index i = 0; i < choice.force_n.size() && !better; ++i) {
       const Matrix2Xd others = without(choice.place_mm, i);
@@ -194,7 +194,7 @@ struct SpreadPushes {
     const Index count = choice.force_n.size();
     const MatrixXd points = derivatives(response, choice);
     M.resize(points.rows(), kEach * count);
-    known.setConstant(M.cols(), kLeast);
+    known.setConstant(M.cols(), kMin);
     for (Index i = 0; i < count; ++i) {
       M.middleCols<3>(kEach * i) = points.middleCols<3>(3 * i);
       for (int axis = 0; axis < 2; ++axis) add_spread(response, choice.place_mm.col(i), choice.force_n[i], i, axis);
@@ -221,12 +221,12 @@ struct SpreadPushes {
 
 /// All but the spread. Near by, all contacts move together, to first order; far away, any place of the grid may do as
 /// well for this one.
-ContactDoubt point_doubt(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice, Index index,
-                         const MatrixXd& near) {
+ContactUncertainty point_doubt(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice,
+                               Index index, const MatrixXd& near) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> place(Eigen::Matrix2d(near.block<2, 2>(3 * index, 3 * index)));
   const double force_n = choice.force_n[index], sigma_n = std::sqrt(near(3 * index + 2, 3 * index + 2));
-  ContactDoubt doubt;
-  doubt.reach_mm = std::sqrt(kAsGood * place.eigenvalues()[1]);
+  ContactUncertainty doubt;
+  doubt.position_95_mm = std::sqrt(kAsGood * place.eigenvalues()[1]);
   doubt.lowest_force_n = std::max(0.0, force_n - 2 * sigma_n);
   doubt.highest_force_n = force_n + 2 * sigma_n;
 
@@ -238,7 +238,7 @@ ContactDoubt point_doubt(const PushResponse& response, const VectorXd& goal, con
   for (Index j = 0; j < distance_mm.size(); ++j) {
     if (there.square[j] == 0 || there.gain(j) < enough) continue;
     const double margin_n = 2 / std::sqrt(there.square[j]);
-    doubt.reach_mm = std::max(doubt.reach_mm, distance_mm[j]);
+    doubt.position_95_mm = std::max(doubt.position_95_mm, distance_mm[j]);
     doubt.lowest_force_n = std::min(doubt.lowest_force_n, std::max(0.0, there.force(j) - margin_n));
     doubt.highest_force_n = std::max(doubt.highest_force_n, there.force(j) + margin_n);
   }
@@ -250,7 +250,7 @@ ContactDoubt point_doubt(const PushResponse& response, const VectorXd& goal, con
 // Gauss-Newton on places and forces; a step that does not help is halved.
 ContactChoice refined_contacts(const PushResponse& response, const VectorXd& goal, const ContactChoice& start) {
   ContactChoice choice = contacts_at(response, goal, start.place_mm);
-  for (int refinement = 0; refinement < kMostRefinements && choice.force_n.size() > 0; ++refinement) {
+  for (int refinement = 0; refinement < kMaxRefinements && choice.force_n.size() > 0; ++refinement) {
     const MatrixXd M = derivatives(response, choice);
     VectorXd left = goal;
     for (Index i = 0; i < choice.force_n.size(); ++i) left -= choice.force_n[i] * M.col(3 * i + 2);
@@ -274,10 +274,10 @@ ContactChoice refined_contacts(const PushResponse& response, const VectorXd& goa
 }
 
 ContactChoice fewest_contacts(const PushResponse& response, const VectorXd& goal, const ContactChoice& start,
-                              double caution) {
-  const double worth = kWorthAContact * caution;
+                              double noise_inflation) {
+  const double worth = kWorthAContact * noise_inflation;
   ContactChoice choice = refined_contacts(response, goal, start);
-  while (choice.force_n.size() < kMostContacts) {
+  while (choice.force_n.size() < kMaxContacts) {
     ContactChoice more = with_one_more(response, goal, choice);
     if (more.misfit > choice.misfit - worth) break;
     choice = std::move(more);
@@ -291,10 +291,10 @@ ContactChoice fewest_contacts(const PushResponse& response, const VectorXd& goal
 }
 
 // Points, or what they may be if they are spread: their force's range is that of both.
-std::vector<ContactDoubt> contact_doubts(const PushResponse& response, const VectorXd& goal,
-                                         const ContactChoice& choice) {
+std::vector<ContactUncertainty> contact_uncertainties(const PushResponse& response, const VectorXd& goal,
+                                                      const ContactChoice& choice) {
   constexpr double kSurely = 1.645;  // on one side
-  std::vector<ContactDoubt> doubts;
+  std::vector<ContactUncertainty> doubts;
   if (choice.force_n.size() == 0) return doubts;
   const MatrixXd near = covariance(derivatives(response, choice));
   const SpreadPushes spread(response, choice);
@@ -302,7 +302,7 @@ std::vector<ContactDoubt> contact_doubts(const PushResponse& response, const Vec
   const VectorXd change =
       wide * (spread.M.transpose() * (goal - responses(response, choice.place_mm) * choice.force_n));
   for (Index i = 0; i < choice.force_n.size(); ++i) {
-    ContactDoubt doubt = point_doubt(response, goal, choice, i, near);
+    ContactUncertainty doubt = point_doubt(response, goal, choice, i, near);
     const Index first = SpreadPushes::kEach * i;
     const double force_n = choice.force_n[i] + change[first + 2], sigma_n = std::sqrt(wide(first + 2, first + 2));
     doubt.lowest_force_n = std::clamp(force_n - 2 * sigma_n, 0.0, doubt.lowest_force_n);
@@ -312,7 +312,7 @@ std::vector<ContactDoubt> contact_doubts(const PushResponse& response, const Vec
       const double most = 1 / std::sqrt(spread.known[k]), moment = change[k] + kSurely * std::sqrt(wide(k, k));
       square_mm2 += 3 * std::clamp(moment, 0.0, most) / choice.force_n[i];
     }
-    doubt.spread_mm = change.segment<2>(first).norm() + std::sqrt(square_mm2);
+    doubt.extent_95_mm = change.segment<2>(first).norm() + std::sqrt(square_mm2);
     doubts.push_back(doubt);
   }
   return doubts;

@@ -24,21 +24,21 @@ struct ContactChoice {
 };
 
 /// The fewest pushes that explain `goal` (in standard deviations of the measurement): one is added as long as that
-/// lowers the misfit by more than three numbers that fit noise would (99 %), `caution` times. Starts from `start`,
-/// whose forces do not matter.
+/// lowers the misfit by more than three numbers that fit noise would (99 %), `noise_inflation` times. Starts from
+/// `start`, whose forces do not matter.
 ContactChoice fewest_contacts(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& start,
-                              double caution = 1);
+                              double noise_inflation = 1);
 /// As many pushes as `start` has or fewer, moved and weighed until they explain `goal` best.
 ContactChoice refined_contacts(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& start);
 
 /// What else a push of a choice could be, at 95 %.
-struct ContactDoubt {
-  double reach_mm = 0;   ///< if it is a push at a point: as well one this far away
-  double spread_mm = 0;  ///< if it is an even pressure (line, rectangle): parts of it this far away
+struct ContactUncertainty {
+  double position_95_mm = 0;  ///< if it is a push at a point: as well one this far away
+  double extent_95_mm = 0;    ///< if it is an even pressure (line, rectangle): parts of it this far away
   double lowest_force_n = 0, highest_force_n = 0;  ///< whichever it is
 };
 /// Of every push of a choice that explains `goal`.
-std::vector<ContactDoubt> contact_doubts(const PushResponse& response, const Eigen::VectorXd& goal,
-                                         const ContactChoice& choice);
+std::vector<ContactUncertainty> contact_uncertainties(const PushResponse& response, const Eigen::VectorXd& goal,
+                                                      const ContactChoice& choice);
 
 }  // namespace finsight::host

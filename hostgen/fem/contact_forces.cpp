@@ -7,10 +7,10 @@
 #include <cmath>
 #include <limits>
 
-#include "hostgen/common.h"
 #include "hostgen/fem/contact_problem.h"
 #include "hostgen/fem/nonnegative_least_squares.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -22,15 +22,15 @@ using Eigen::VectorXd;
 using BodyVector = PushedFinger::BodyVector;
 
 constexpr int kNumbers = PlateErrors::kNumbers;
-constexpr Index kMostDirections = 16;  // the other two, in which a finger hardly moves, would take half the time more
-constexpr int kMostFactors = 10, kMostChords = 12;  // of one estimate; with one factor
-constexpr double kChordsPerFactor = 9;              // that take as long. Measured on the default finger: 36 and 4 ms.
-constexpr double kFirstRate = 0.06;                 // by which a new factor's second step is shorter than its first
-constexpr double kFar_mm = 0.4;       // a step this far bends slender walls so that chords after it would lead astray
-constexpr double kStill_mm = 2e-2;    // no node is further from where the steps lead to; noise moves it more
-constexpr int kChoices = 3;           // how often convergence may end with other contacts than before
-constexpr double kMostCaution = 100;  // of the first step: as if the noise were ten times itself
-constexpr double kSmallestJ = 0.05;   // volume ratio below which an element is as good as inverted
+constexpr Index kMaxDirections = 16;  // the other two, in which a finger hardly moves, would take half the time more
+constexpr int kMaxFactors = 10, kMaxChords = 12;  // of one estimate; with one factor
+constexpr double kChordsPerFactor = 9;            // that take as long. Measured on the default finger: 36 and 4 ms.
+constexpr double kFirstRate = 0.06;               // by which a new factor's second step is shorter than its first
+constexpr double kFar_mm = 0.4;     // a step this far bends slender walls so that chords after it would lead astray
+constexpr double kStill_mm = 2e-2;  // no node is further from where the steps lead to; noise moves it more
+constexpr int kChoices = 3;         // how often convergence may end with other contacts than before
+constexpr double kMaxNoiseInflation = 100;  // of the first step: as if the noise were ten times itself
+constexpr double kSmallestJ = 0.05;         // volume ratio below which an element is as good as inverted
 constexpr int kHalvings = 6;
 
 double largest(const BodyVector& v) {
@@ -86,7 +86,7 @@ void ContactForceSolver::Problem::blend_starts() {
   for (std::size_t s = 0; s < starts.size(); ++s) motion.col(static_cast<Index>(s)) = errors.at(starts[s].u) - at_rest;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> known(MatrixXd(motion * motion.transpose()));
   const Index seen = (known.eigenvalues().array() > 0.01 / static_cast<double>(starts.size())).count();
-  directions = known.eigenvectors().rightCols(std::min(kMostDirections, seen));
+  directions = known.eigenvectors().rightCols(std::min(kMaxDirections, seen));
   const VectorXd weight = nonnegative_least_squares(motion, -at_rest);
   state = finger.rest;
   for (std::size_t s = 0; s < starts.size(); ++s) {
@@ -133,7 +133,7 @@ bool ContactForceSolver::Problem::chord(const ContactChoice& choice) {
 
 /// How much more a contact must explain than noise would, where `objective` is what the start leaves: it is not more
 /// exact than that.
-double caution(double objective) { return std::clamp(2 * objective / kNumbers, 1.0, kMostCaution); }
+double noise_inflation(double objective) { return std::clamp(2 * objective / kNumbers, 1.0, kMaxNoiseInflation); }
 
 // From the present state. Chords follow a factor as long as that takes less time than a new one. Contacts are chosen
 // when the steps start and, the steps having become still, again, until their number stays; between, they only move.
@@ -144,7 +144,7 @@ bool ContactForceSolver::Problem::iterate(ContactChoice& choice, VectorXd& aim, 
   finger.body.forces(state.u, force);
   std::fill_n(force.end() - 3, 3, 0.0);
   int choices = 0;
-  for (int factors = 0; factors < kMostFactors; ++factors) {
+  for (int factors = 0; factors < kMaxFactors; ++factors) {
     if (factors > 0) {  // the stress before the last step, changed by it to first order: see Equilibrium
       for (std::size_t i = 0; i < step.size(); ++i) state.u[i] -= step[i];
       finger.body.stresses(state.u, step, state.stress);
@@ -156,10 +156,10 @@ bool ContactForceSolver::Problem::iterate(ContactChoice& choice, VectorXd& aim, 
       if (!linearise()) return false;
     }
     double last_mm = 0;
-    for (int chords = 0; chords < kMostChords; ++chords) {
+    for (int chords = 0; chords < kMaxChords; ++chords) {
       aim = goal();
       if (factors == 0 && chords == 0)
-        choice = fewest_contacts(response, aim, choice, caution(result.curve.back().objective));
+        choice = fewest_contacts(response, aim, choice, noise_inflation(result.curve.back().objective));
       else
         choice = refined_contacts(response, aim, choice);
       if (!chord(choice)) return false;
@@ -205,7 +205,7 @@ ContactForces ContactForceSolver::gauss_newton(const PlatePoses& measured) {
   }
   result.misfit = 2 * result.curve.back().objective;
   result.explained = result.converged && noise_explains(result.misfit, measured);
-  const std::vector<ContactDoubt> doubts = contact_doubts(p.response, aim, choice);
+  const std::vector<ContactUncertainty> doubts = contact_uncertainties(p.response, aim, choice);
   for (Index i = 0; i < choice.force_n.size(); ++i) {
     const FacePoint at = p.finger.at(choice.place_mm.col(i));
     result.contacts.push_back({{at.at_mm.cast<float>(), choice.force_n[i]},

@@ -13,7 +13,7 @@ namespace finsight::host {
 
 struct Contact : FaceForce {
   Vec3f displacement_mm = Vec3f::Zero();  ///< of the point
-  ContactDoubt doubt;                     ///< what else it could be
+  ContactUncertainty doubt;               ///< what else it could be
 };
 
 struct ContactForces {

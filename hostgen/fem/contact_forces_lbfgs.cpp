@@ -5,8 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include "hostgen/common.h"
 #include "hostgen/fem/contact_problem.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -41,13 +41,13 @@ VectorXd along_candidates(const PushedFinger& finger, const std::vector<FacePoin
 
 // K^-1 b by conjugate gradients with the tangent's factor, which is in single precision, as preconditioner.
 void solve_with_tangent(const ElasticBody& body, const ElasticState& state, Equilibrium& factored, BodyVector& b) {
-  constexpr int kMostIterations = 20;
+  constexpr int kMaxIterations = 20;
   constexpr double kTolerance = 1e-7;
   const auto map = [](BodyVector& v) { return Eigen::Map<VectorXd>(v.data(), static_cast<Index>(v.size())); };
   BodyVector x(b.size()), z = b, d, Kd(b.size());
   const double goal = kTolerance * map(b).norm();
   double before = 0;
-  for (int k = 0; k < kMostIterations && map(b).norm() > goal; ++k) {
+  for (int k = 0; k < kMaxIterations && map(b).norm() > goal; ++k) {
     z = b;
     factored.apply_inverse(z);
     const double now = map(b).dot(map(z));

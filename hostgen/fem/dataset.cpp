@@ -4,9 +4,9 @@
 #include <limits>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
 #include "hostgen/fem/dataset_file.h"
 #include "hostgen/fem/statics.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

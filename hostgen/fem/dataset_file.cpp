@@ -5,8 +5,8 @@
 #include <map>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
 #include "hostgen/pack/tensor_file.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

@@ -28,11 +28,11 @@ class ElasticBody {
   const std::vector<int>& unknown_of_node() const { return unknown_of_node_; }
   const CholeskyPlanData& plan() const { return plan_; }
 
-  /// Internal forces (N) at displacements `u` (mm): the gradient of the stored energy. Returns the smallest volume ratio
-  /// det F of all Gauss points; unless it is positive, the forces mean nothing.
+  /// Internal forces (N) at displacements `u` (mm): the gradient of the stored energy. Returns the smallest volume
+  /// ratio det F of all Gauss points; unless it is positive, the forces mean nothing.
   double forces(std::span<const double> u, std::span<double> force) const;
-  /// Stresses (second Piola-Kirchhoff, MPa) at `u`, changed to first order by the step `du`; stress_size() numbers in an
-  /// order of the body's own.
+  /// Stresses (second Piola-Kirchhoff, MPa) at `u`, changed to first order by the step `du`; stress_size() numbers in
+  /// an order of the body's own.
   void stresses(std::span<const double> u, std::span<const double> du, std::span<double> stress) const;
   /// Derivative of the forces at `u` as blocks in the order of plan().pattern_row (N/mm), with the geometric part made
   /// by `stress`. It is the exact tangent if that is the stress at `u`, but for the rounding of its sums.

@@ -8,7 +8,7 @@ namespace finsight::host {
 namespace {
 
 constexpr double kTolerance = 1e-8;  // of the load's norm
-constexpr int kMostFactorisations = 12, kMostSteps = 40;
+constexpr int kMaxFactorisations = 12, kMaxSteps = 40;
 // Volume ratio at a Gauss point below which an element is as good as inverted.
 constexpr double kSmallestJ = 0.05;
 // A new factor takes as long as so many chord steps. Measured on the default finger: 35 against 7 ms.
@@ -71,7 +71,7 @@ bool Equilibrium::factorise(ElasticState& state) {
 // definite as K is, so what they find is stable.
 bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
   const double goal = kTolerance * norm(load) + 1e-14;
-  const long last_factorisation = cost_.factorisations + kMostFactorisations, last_step = cost_.steps + kMostSteps;
+  const long last_factorisation = cost_.factorisations + kMaxFactorisations, last_step = cost_.steps + kMaxSteps;
   first_step_ = cost_.steps;
   double last_size = 0;
   long chords = 0;  // with the present factor

@@ -32,7 +32,7 @@ PlateErrors::PlateErrors(const FingerSpec& spec, const QuadraticMesh& mesh, cons
     }
     const auto sigmas = spec.noise[p].standard_deviations();
     fit.sigma = Eigen::Map<const Vector6>(sigmas.data());
-    fit.sigma = fit.sigma.cwiseMax(PoseNoise::kLeast);
+    fit.sigma = fit.sigma.cwiseMax(PoseNoise::kMin);
   }
 }
 

@@ -17,35 +17,36 @@ inline constexpr std::array<std::array<int, 2>, 6> kTetEdges{{{0, 1}, {1, 2}, {0
 /// Gauss points per tetrahedron; each stands for a quarter of its volume and integrates quadratic terms exactly.
 inline constexpr int kGaussPoints = 4;
 
-/// C3D10 is what all truth is made with. C3D4, four nodes and one constant strain, is for comparison: it is kept in the same
-/// arrays, its middle nodes fixed and without influence.
+/// C3D10 is what all truth is made with. C3D4, four nodes and one constant strain, is for comparison: it is kept in the
+/// same arrays, its middle nodes fixed and without influence.
 enum class Element { kC3D4, kC3D10 };
 
 /// The same geometry as the TetMesh it is made of (edges stay straight); only the elements are richer.
 struct QuadraticMesh {
   Element element = Element::kC3D10;
-  std::size_t corner_nodes = 0;                   ///< the first nodes, numbered as in the TetMesh
+  std::size_t corner_nodes = 0;  ///< the first nodes, numbered as in the TetMesh
   std::vector<Eigen::Vector3d> node_mm;
-  std::vector<std::array<int, kTetNodes>> tets;   ///< in the order of the TetMesh
-  std::vector<int> region;                        ///< per tet, as in the TetMesh
-  std::vector<std::uint8_t> fixed;                ///< per node: 1 on the base, and middle nodes of C3D4
+  std::vector<std::array<int, kTetNodes>> tets;  ///< in the order of the TetMesh
+  std::vector<int> region;                       ///< per tet, as in the TetMesh
+  std::vector<std::uint8_t> fixed;               ///< per node: 1 on the base, and middle nodes of C3D4
   std::array<std::vector<int>, kPlates> plate_nodes;
-  std::vector<std::array<int, 6>> front;          ///< triangles of the touched face: corners, middles of 01 12 20
+  std::vector<std::array<int, 6>> front;  ///< triangles of the touched face: corners, middles of 01 12 20
 };
 
 QuadraticMesh make_quadratic(const TetMesh& mesh, Element element = Element::kC3D10);
 
-/// Gradients of the ten shape functions (1/mm, undeformed coordinates) at the four Gauss points of a straight-edged tet.
+/// Gradients of the ten shape functions (1/mm, undeformed coordinates) at the four Gauss points of a straight-edged
+/// tet.
 struct TetGradients {
   std::array<std::array<Eigen::Vector3d, kTetNodes>, kGaussPoints> at;
   double volume_mm3 = 0;
 };
 TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Element element = Element::kC3D10);
 
-/// A point of the touched face as a weighted sum of the six nodes of the quadratic triangle that holds it. A force at the
-/// point is shared among the nodes by the same weights (the work-equivalent load), and they interpolate displacements at
-/// it. The weights sum to 1; away from the corners the weights of corners are negative (down to -1/8), which is right:
-/// force and moment of the six add up to those of the one.
+/// A point of the touched face as a weighted sum of the six nodes of the quadratic triangle that holds it. A force at
+/// the point is shared among the nodes by the same weights (the work-equivalent load), and they interpolate
+/// displacements at it. The weights sum to 1; away from the corners the weights of corners are negative (down to -1/8),
+/// which is right: force and moment of the six add up to those of the one.
 struct FacePoint {
   std::array<int, 6> node{};
   std::array<double, 6> weight{};

@@ -1,7 +1,7 @@
-// Hyperelastic statics of the touched finger: compressible neo-Hookean (Abaqus form: mu/2 (J^-2/3 I1 - 3) + K/2 (J-1)^2),
-// ten-node tetrahedra (C3D10), base fixed, plates stiffened, one normal force on the front face. It is the truth that
-// everything is trained and judged on, and shares with the firmware's shape solver only the corners of its mesh: elements,
-// energy and loads are others.
+// Hyperelastic statics of the touched finger: compressible neo-Hookean (Abaqus form: mu/2 (J^-2/3 I1 - 3) + K/2
+// (J-1)^2), ten-node tetrahedra (C3D10), base fixed, plates stiffened, one normal force on the front face. It is the
+// truth that everything is trained and judged on, and shares with the firmware's shape solver only the corners of its
+// mesh: elements, energy and loads are others.
 #pragma once
 
 #include <memory>
@@ -40,8 +40,8 @@ class FingerStatics {
   /// Equilibrium under `force_n` along the inward normal of the undeformed front face, applied at `point_mm` of the
   /// undeformed front face (shared among the nodes of the triangle that holds it; z is ignored and taken from the face;
   /// a point beside the face stands for the nearest of its edge). Starts from the present state; splits the step where
-  /// Newton needs it. False if no equilibrium was found that the present one leads to without a jump (the finger buckles
-  /// or snaps through, or gives way without end): the state is then the one before the call.
+  /// Newton needs it. False if no equilibrium was found that the present one leads to without a jump (the finger
+  /// buckles or snaps through, or gives way without end): the state is then the one before the call.
   bool load(const Vec3f& point_mm, double force_n);
   /// The present state; `path` and `front_node` are left 0. Not valid if the touched point has moved more than 20 mm.
   FemState state() const;

@@ -43,8 +43,8 @@ double inner_back_mm(const FingerSpec& spec, double y_mm);
 /// Height of a plate's lower face.
 double plate_bottom_mm(const FingerSpec& spec, int plate);
 
-/// Sets where the plates' markers are at rest: read_finger_spec() has done it; again after a length was changed. Plates lie
-/// level: marker x = finger x, y = finger z, z = finger -y (down, towards the camera).
+/// Sets where the plates' markers are at rest: read_finger_spec() has done it; again after a length was changed. Plates
+/// lie level: marker x = finger x, y = finger z, z = finger -y (down, towards the camera).
 void place_markers(FingerSpec& spec);
 
 /// Expects a spec that check_shape() has accepted.

@@ -37,7 +37,7 @@ std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh);
 /// touch section), its border included. They lie on the face, in rows from the lowest up; not on mesh nodes.
 std::vector<Vec3f> touch_points(const FingerSpec& spec, int count);
 
-/// Checks that both pictures show all markers whole, each with its white border of one module: projects plates, beams
+/// Checks that both images show all markers whole, each with its white border of one module: projects plates, beams
 /// and walls for the rest pose and for the corners of the working range of plate motions. Throws InputError naming the
 /// plate and what hides it. read_finger_spec() has done it.
 void check_visibility(const FingerSpec& spec);

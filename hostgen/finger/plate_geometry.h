@@ -1,4 +1,4 @@
-// What markers and pictures need to know of a plate, wherever the finger's shape comes from.
+// What markers and images need to know of a plate, wherever the finger's shape comes from.
 #pragma once
 
 #include "hostgen/finger/spec.h"

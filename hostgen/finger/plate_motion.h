@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 
-#include "firmware/plate_motion.h"
+#include "firmware/geometry/plate_motion.h"
 #include "hostgen/finger/spec.h"
 
 namespace finsight::host {

@@ -8,13 +8,13 @@
 #include <sstream>
 
 #include "firmware/input_error.h"
-#include "firmware/toml_table.h"
-#include "hostgen/common.h"
+#include "firmware/settings/toml_table.h"
 #include "hostgen/finger/front_face.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/finger/mesh.h"
 #include "hostgen/finger/plate_geometry.h"
 #include "hostgen/finger/surface_finger.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

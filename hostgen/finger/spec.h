@@ -42,7 +42,7 @@ struct PlateSpec {
   WorkingRange range;
 };
 
-/// Pinhole with Brown-Conrady distortion, OpenCV's convention, for one picture size.
+/// Pinhole with Brown-Conrady distortion, OpenCV's convention, for one image size.
 struct CameraIntrinsics {
   int width_px = 0, height_px = 0;
   double fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixels
@@ -53,10 +53,10 @@ struct CameraIntrinsics {
 struct PoseNoise {
   double lateral_mm = 0;  ///< across the line of sight
   double depth_mm = 0;    ///< along it
-  double tilt_rad = 0;    ///< rotation out of the picture plane
-  double roll_rad = 0;    ///< rotation in the picture plane
+  double tilt_rad = 0;    ///< rotation out of the image plane
+  double roll_rad = 0;    ///< rotation in the image plane
 
-  static constexpr double kLeast = 1e-6;  ///< mm or rad: what smaller ones count as where something is divided by them
+  static constexpr double kMin = 1e-6;  ///< mm or rad: what smaller ones count as where something is divided by them
 
   /// In the order of the plate numbers: displacement x y z, rotation x y z. The camera looks along the finger's y axis:
   /// y is depth, x and z are lateral, rotations about x and z are tilt, about y roll.
@@ -86,7 +86,7 @@ struct FingerSpec {
   double youngs_modulus_mpa = 0, poisson_ratio = 0;
   double plate_stiffness_ratio = 0;  ///< how many times stiffer than the finger the rigid plates are modelled
 
-  // Camera (OpenCV's frame: x right, y down in the picture, z along the line of sight)
+  // Camera (OpenCV's frame: x right, y down in the image, z along the line of sight)
   Eigen::Isometry3d T_finger_camera = Eigen::Isometry3d::Identity();
   std::array<CameraIntrinsics, 2> cameras;  ///< 1280x720 and 640x480
   std::array<PoseNoise, kPlates> noise;

@@ -17,13 +17,13 @@ const std::map<std::string, double> kUnits_mm = {{"mm", 1}, {"cm", 10}, {"m", 10
 constexpr double kSmallestMm = 20, kLargestMm = 1000;  // of a finger's largest side
 constexpr double kUsualMm = 500;                       // what a guess of the units aims at
 // Each becomes several tetrahedra, and the board solves for all of them in every frame.
-constexpr std::size_t kMostTriangles = 20'000;
+constexpr std::size_t kMaxTriangles = 20'000;
 
 /// A finger of 0.12 mm was drawn in metres.
 void check_size(const TriangleSurface& surface, const SurfaceSource& source) {
-  if (surface.triangle.size() > kMostTriangles) {
+  if (surface.triangle.size() > kMaxTriangles) {
     throw InputError(source.file.string(), "surface", std::to_string(surface.triangle.size()) + " triangles",
-                     "at most " + std::to_string(kMostTriangles) + ", better some hundreds (simplify the surface)");
+                     "at most " + std::to_string(kMaxTriangles) + ", better some hundreds (simplify the surface)");
   }
   AlignedBox3d bounds;
   for (const Eigen::Vector3d& at : surface.point_mm) bounds.extend(at);

@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <stdexcept>
 
-#include "hostgen/common.h"
 #include "hostgen/finger/surface.h"
-#include "hostgen/run_program.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/run_program.h"
 
 namespace finsight::host {
 

@@ -22,7 +22,7 @@ using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
 constexpr int kSamples = 9;                    // per side of the marker: 1.3 mm apart at 8 mm, obstacles are thicker
-constexpr double kMarginShare = 1.0 / 60;      // of the picture's height: 12 and 8 pixels
+constexpr double kMarginShare = 1.0 / 60;      // of the image's height: 12 and 8 pixels
 constexpr double kSmallestFacingCosine = 0.3;  // a marker seen more from the side than this is too narrow to be read
 
 /// A corner of the working range: directions, and how much of the range.
@@ -181,7 +181,7 @@ std::optional<Eigen::Vector2d> project(const CameraIntrinsics& c, const Vector3d
   return Eigen::Vector2d(c.fx * distorted_x + c.cx, c.fy * distorted_y + c.cy);
 }
 
-bool in_picture(const CameraIntrinsics& c, const std::optional<Eigen::Vector2d>& pixel) {
+bool in_image(const CameraIntrinsics& c, const std::optional<Eigen::Vector2d>& pixel) {
   const double margin = kMarginShare * c.height_px;
   return pixel && pixel->minCoeff() >= margin && pixel->x() <= c.width_px - 1 - margin &&
          pixel->y() <= c.height_px - 1 - margin;
@@ -210,8 +210,8 @@ std::optional<std::string> obstacle(const FingerSpec& spec, int plate, const Iso
     const Vector3d ray = point - camera;
     if (-ray.dot(normal) < kSmallestFacingCosine * ray.norm()) return "turned away from the camera";
     for (const CameraIntrinsics& c : spec.cameras) {
-      if (in_picture(c, project(c, T_camera_finger * point))) continue;
-      return "outside the picture of " + std::to_string(c.width_px) + "x" + std::to_string(c.height_px);
+      if (in_image(c, project(c, T_camera_finger * point))) continue;
+      return "outside the image of " + std::to_string(c.width_px) + "x" + std::to_string(c.height_px);
     }
     double nearest = 1;
     const Triangle* first = nullptr;

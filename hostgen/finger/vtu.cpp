@@ -3,8 +3,8 @@
 #include <functional>
 #include <stdexcept>
 
-#include "hostgen/common.h"
 #include "hostgen/finger/mesh.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

@@ -9,7 +9,7 @@ namespace finsight::host {
 
 namespace {
 
-constexpr double kLeastScatter_px = 0.01, kMostScatter_px = 0.4;
+constexpr double kMinScatter_px = 0.01, kMaxScatter_px = 0.4;
 constexpr int kSteps = 2;  // the start is the truth, which is near
 
 }  // namespace
@@ -20,10 +20,9 @@ CornerMeasurement::CornerMeasurement(const FingerSpec& spec, const PlatePrior& p
              View{spec.cameras[1].fx, {mount_of(spec), prior, spec.cameras[1].fx}}} {}
 
 std::array<float, kPlates> CornerMeasurement::measure(const std::array<bool, kPlates>& seen, Random& random,
-                                                      PlateNumbers& numbers) const {
+                                                      PoseVector& numbers) const {
   const View& view = views_[random.index(views_.size())];
-  const double scatter =
-      std::exp(random.uniform(std::log(kLeastScatter_px), std::log(kMostScatter_px))) / view.focal_px;
+  const double scatter = std::exp(random.uniform(std::log(kMinScatter_px), std::log(kMaxScatter_px))) / view.focal_px;
   const PlatePoses truth = seen_poses({numbers.data(), 18});
   PlateSight sight;
   sight.seen = seen;

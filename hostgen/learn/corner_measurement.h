@@ -1,4 +1,4 @@
-// Plate motions as the firmware makes them of a picture: noisy corners, then the joint estimate.
+// Plate motions as the firmware makes them of an image: noisy corners, then the joint estimate.
 #pragma once
 
 #include <array>
@@ -6,7 +6,7 @@
 #include "firmware/model/plate_prior.h"
 #include "firmware/vision/plate_estimator.h"
 #include "hostgen/finger/spec.h"
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 
@@ -17,11 +17,11 @@ class CornerMeasurement {
   /// The arrays that `prior` views must live as long.
   CornerMeasurement(const FingerSpec& spec, const PlatePrior& prior);
 
-  /// What the picture says of plates that truly moved by `numbers`, which it replaces (those not seen are completed),
+  /// What the image says of plates that truly moved by `numbers`, which it replaces (those not seen are completed),
   /// and how large the noise of each seen plate is (PlatePoses::noise). Corners scatter by 0.01 to 0.4 pixels, one of
-  /// the spec's picture sizes.
+  /// the spec's image sizes.
   std::array<float, kPlates> measure(const std::array<bool, kPlates>& seen, Random& random,
-                                     PlateNumbers& numbers) const;
+                                     PoseVector& numbers) const;
 
  private:
   struct View {

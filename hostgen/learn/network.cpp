@@ -11,8 +11,8 @@ namespace {
 std::vector<Network::Layer> zeros_like(const std::vector<Network::Layer>& layers) {
   std::vector<Network::Layer> zeros;
   for (const Network::Layer& layer : layers) {
-    zeros.push_back({Eigen::MatrixXf::Zero(layer.weights.rows(), layer.weights.cols()),
-                     Eigen::VectorXf::Zero(layer.bias.size())});
+    zeros.push_back(
+        {Eigen::MatrixXf::Zero(layer.weights.rows(), layer.weights.cols()), Eigen::VectorXf::Zero(layer.bias.size())});
   }
   return zeros;
 }

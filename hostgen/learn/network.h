@@ -4,7 +4,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 

@@ -41,7 +41,7 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
   for (const double value : covariance.reshaped()) prior.covariance.push_back(static_cast<float>(value));
   for (const PoseNoise& plate : noise) {
     for (const double sigma : plate.standard_deviations()) {
-      prior.noise.push_back(static_cast<float>(std::max(sigma, PoseNoise::kLeast)));
+      prior.noise.push_back(static_cast<float>(std::max(sigma, PoseNoise::kMin)));
     }
   }
   return prior;

@@ -11,7 +11,7 @@
 #include "hostgen/learn/shape_map_training.h"
 #include "hostgen/learn/shape_truth.h"
 #include "hostgen/learn/split.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -88,7 +88,7 @@ TierAtTouch judge(const char* tier, ShapeStage& stage, const ShapeSamples& sampl
   std::vector<float> displacement_mm(shape.rest_mm.size());
   std::size_t by_contact_map = 0;
   for (std::size_t i = 0; i < samples.state.size(); ++i) {
-    const PlateNumbers numbers = samples.poses.row(static_cast<Eigen::Index>(i)).transpose();
+    const PoseVector numbers = samples.poses.row(static_cast<Eigen::Index>(i)).transpose();
     stage.reset();
     const auto start = std::chrono::steady_clock::now();
     const FingerShape& answer = stage.solve(seen_poses({numbers.data(), 18}));

@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "hostgen/learn/shape_truth.h"
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "firmware/shape/newton.h"
-#include "hostgen/common.h"
 #include "hostgen/learn/touch_samples.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -16,9 +16,9 @@ namespace {
 std::optional<std::vector<float>> converged_displacement(NewtonSolver<double>& solver, const ShapeModel& shape,
                                                          const PlatePoses& poses) {
   constexpr double kTolerance_mm = 1e-6;
-  constexpr int kMostSteps = 200;
+  constexpr int kMaxSteps = 200;
   solver.start_at_rest();
-  if (!solver.converge(poses, kTolerance_mm, kMostSteps).ok) return std::nullopt;
+  if (!solver.converge(poses, kTolerance_mm, kMaxSteps).ok) return std::nullopt;
   std::vector<float> displacement(shape.rest_mm.size());
   for (std::size_t i = 0; i < displacement.size(); ++i) {
     displacement[i] = static_cast<float>(solver.node_mm()[i] - shape.rest_mm[i]);
@@ -27,7 +27,7 @@ std::optional<std::vector<float>> converged_displacement(NewtonSolver<double>& s
 }
 
 struct PoseSample {
-  PlateNumbers numbers;
+  PoseVector numbers;
   std::size_t state;
   bool noisy;
 };

@@ -4,7 +4,7 @@
 #include <map>
 #include <numeric>
 
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 

@@ -11,7 +11,7 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kFewestPoints = 10;
+constexpr int kMinPoints = 10;
 // Coordinates of about one condition the spline's system.
 constexpr double kLength_mm = 50.0;
 // Far below the states' own accuracy; lets two paths share a contact point.
@@ -44,7 +44,7 @@ StateInterpolant::StateInterpolant(const std::vector<FemState>& states) {
   }
   for (const auto& [path, point] : highest) highest_.push_back(point);
   for (const auto& [force_n, members] : by_force) {
-    if (members.size() < kFewestPoints) continue;
+    if (members.size() < kMinPoints) continue;
     Level level;
     level.force_n = force_n;
     level.points.resize(static_cast<int>(members.size()), 2);
@@ -60,7 +60,7 @@ StateInterpolant::StateInterpolant(const std::vector<FemState>& states) {
     levels_.push_back(std::move(level));
   }
   if (levels_.empty()) {
-    throw std::runtime_error("training set: no force was computed at " + std::to_string(kFewestPoints) +
+    throw std::runtime_error("training set: no force was computed at " + std::to_string(kMinPoints) +
                              " contact points or more; the touch network cannot be trained");
   }
 }

@@ -11,15 +11,15 @@ namespace finsight::host {
 
 /// What the network learns from: plate numbers and the touch that caused them.
 struct TouchSample {
-  PlateNumbers numbers = PlateNumbers::Zero();
+  PoseVector numbers = PoseVector::Zero();
   Vec3f point_mm = Vec3f::Zero();
   Vec3f displacement_mm = Vec3f::Zero();  ///< of the touched point
   float force_n = 0;
 };
 TouchSample touch_sample(const FemState& state);
 
-/// Interpolates motion per newton, which changes slowly and has a limit at rest: over the face by a thin-plate spline per
-/// force level (exact at the states), between the levels and down to rest by a parabola through the three nearest.
+/// Interpolates motion per newton, which changes slowly and has a limit at rest: over the face by a thin-plate spline
+/// per force level (exact at the states), between the levels and down to rest by a parabola through the three nearest.
 class StateInterpolant {
  public:
   /// Uses the valid states. Forces that many contact points share make a level; levels with fewer than 10 points are
@@ -45,7 +45,7 @@ class StateInterpolant {
   static void fit(Level& level);
   Eigen::Matrix<double, kValues, 1> evaluate(const Level& level, double x, double y) const;
 
-  std::vector<Level> levels_;  // ascending force
+  std::vector<Level> levels_;                   // ascending force
   std::vector<std::array<double, 3>> highest_;  // x, y, highest force of every contact point
 };
 

@@ -5,17 +5,17 @@
 #include <opencv2/ml.hpp>
 #include <stdexcept>
 
-#include "hostgen/common.h"
 #include "hostgen/learn/regression.h"
 #include "hostgen/learn/split.h"
 #include "hostgen/learn/touch_samples.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
 namespace {
 
 constexpr int kFolds = 5;
-constexpr std::size_t kFewestStates = 50;
+constexpr std::size_t kMinStates = 50;
 
 /// [18, samples] -> [3, samples]
 using Predictor = std::function<Eigen::MatrixXf(const Eigen::MatrixXf&)>;
@@ -123,14 +123,14 @@ States states_of(const FingerSpec& spec, const FemDataset& dataset, std::uint64_
   for (const FemState& state : dataset.states) {
     if (state.valid() && state.force_n > 0) valid.push_back(&state);
   }
-  if (valid.size() < kFewestStates)
+  if (valid.size() < kMinStates)
     throw std::runtime_error("training set: fewer than 50 valid states; nothing to compare on");
   const auto count = static_cast<Eigen::Index>(valid.size());
   States states{Eigen::MatrixXf(18, count), Eigen::MatrixXf(18, count), Eigen::MatrixXf(3, count), {}};
   Random random(seed);
   for (Eigen::Index i = 0; i < count; ++i) {
     const FemState& state = *valid[static_cast<std::size_t>(i)];
-    PlateNumbers numbers = touch_sample(state).numbers;
+    PoseVector numbers = touch_sample(state).numbers;
     states.clean.col(i) = numbers;
     add_noise(spec.noise, random, numbers);
     states.noisy.col(i) = numbers;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "hostgen/fem/dataset.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 

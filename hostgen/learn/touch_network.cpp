@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "firmware/plate_motion.h"
+#include "firmware/geometry/plate_motion.h"
 #include "firmware/touch/features.h"
 
 namespace finsight::host {
@@ -42,7 +42,7 @@ class Measurements {
   void draw(const TouchModel& model, Eigen::MatrixXf& inputs, Eigen::MatrixXf& targets) {
     for (int column = 0; column < inputs.cols(); ++column) {
       const TouchSample& touch = touches_[random_.index(touches_.size())];
-      PlateNumbers numbers = touch.numbers;
+      PoseVector numbers = touch.numbers;
       add_swing(plate_height_mm_, random_, numbers);
       const std::array<bool, kPlates> seen = draw_seen(random_);
       std::array<float, kPlates> noise;
@@ -53,7 +53,7 @@ class Measurements {
         add_noise(noise_, random_, numbers, noise);
         complete_from_prior(prior_, seen, numbers);
       }
-      for (std::size_t p = 0; p < kPlates; ++p) noise[p] = told_noise(seen[p], noise[p]);
+      for (std::size_t p = 0; p < kPlates; ++p) noise[p] = network_noise(seen[p], noise[p]);
       touch_features(model, numbers, noise,
                      std::span<float, TouchModel::kInputs>(inputs.col(column).data(), TouchModel::kInputs));
       targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_n;
@@ -151,7 +151,7 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
   return trained;
 }
 
-Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PlateNumbers& numbers,
+Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PoseVector& numbers,
                                                        const std::array<float, kPlates>& noise) {
   const TouchModel model = trained.model.view();
   Eigen::Matrix<float, TouchModel::kInputs, 1> inputs;

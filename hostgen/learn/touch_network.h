@@ -40,7 +40,7 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
 void quantise(TouchNetwork& trained);
 
 /// The float network's eleven numbers in physical units, for one pose and the noise of its plates (noise_of()).
-Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PlateNumbers& numbers,
+Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PoseVector& numbers,
                                                        const std::array<float, kPlates>& noise);
 
 }  // namespace finsight::host

@@ -9,7 +9,7 @@ namespace finsight::host {
 
 namespace {
 
-constexpr float kMostTrainedNoise = 4;
+constexpr float kMaxTrainedNoise = 4;
 
 }  // namespace
 
@@ -25,7 +25,7 @@ std::vector<TouchSample> draw_touches(const FingerSpec& spec, const StateInterpo
   return touches;
 }
 
-void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PlateNumbers& numbers,
+void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PoseVector& numbers,
                const std::array<float, kPlates>& size) {
   for (std::size_t p = 0; p < kPlates; ++p) {
     const auto sigmas = noise[p].standard_deviations();
@@ -36,7 +36,7 @@ void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, Plat
 }
 
 // The deflection a (h / top)^2 turns a plate by its slope, 2 a h / top^2: towards +z about x, towards +x about -z.
-void add_swing(const std::array<double, kPlates>& plate_height_mm, Random& random, PlateNumbers& numbers) {
+void add_swing(const std::array<double, kPlates>& plate_height_mm, Random& random, PoseVector& numbers) {
   constexpr double kShare = 0.05, kSwing_mm = 2;
   if (plate_height_mm[kTopPlate] == plate_height_mm[kLowPlate] || random.uniform() >= kShare) return;
   const double top_mm = plate_height_mm[kTopPlate];
@@ -52,10 +52,10 @@ void add_swing(const std::array<double, kPlates>& plate_height_mm, Random& rando
 
 std::array<float, kPlates> draw_noise(Random& random) {
   constexpr double kPlateSpread = 0.3;
-  const double common = random.uniform(std::log(kLeastNoise), std::log(kMostTrainedNoise));
+  const double common = random.uniform(std::log(kMinNoise), std::log(kMaxTrainedNoise));
   std::array<float, kPlates> size;
   for (float& plate : size) {
-    plate = std::clamp(static_cast<float>(std::exp(common + kPlateSpread * random.normal())), kLeastNoise, kMostNoise);
+    plate = std::clamp(static_cast<float>(std::exp(common + kPlateSpread * random.normal())), kMinNoise, kMaxNoise);
   }
   return size;
 }

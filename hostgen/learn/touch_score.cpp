@@ -7,7 +7,7 @@
 
 #include "firmware/touch/features.h"
 #include "firmware/touch/touch_stage.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -19,7 +19,7 @@ double radii(const TouchTrial& trial) {
   return static_cast<double>(trial.error_mm.norm()) / static_cast<double>(trial.radius_68_mm);
 }
 
-PlatePoses poses_of(const PlateNumbers& numbers, const Measuring& how) {
+PlatePoses poses_of(const PoseVector& numbers, const Measuring& how) {
   PlatePoses poses = seen_poses({numbers.data(), 18});
   poses.seen = how.seen;
   poses.noise.fill(how.noise);
@@ -39,7 +39,7 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
   std::vector<TouchTrial> trials;
   for (const FemState& state : states) {
     for (int repeat = 0; repeat < how.repeats; ++repeat) {
-      PlateNumbers numbers = touch_sample(state).numbers;
+      PoseVector numbers = touch_sample(state).numbers;
       add_noise(noise, random, numbers, {how.noise, how.noise, how.noise});
       complete_from_prior(prior, how.seen, numbers);
       const PlatePoses poses = poses_of(numbers, how);
@@ -91,7 +91,7 @@ std::vector<float> curve_of(const std::vector<Knot>& knots) {
 
 /// Knots in the middle of the bands; bands with few trials take their neighbours' curve.
 std::vector<float> radius_curve(const std::vector<TouchTrial>& trials, double threshold_mm) {
-  constexpr std::size_t kFewest = 50;
+  constexpr std::size_t kMin = 50;
   constexpr int kSweeps = 20;  // the curve between two knots belongs to both
   std::vector<Knot> knots;
   for (std::size_t band = 0; band + 1 < std::size(kEdges_mm); ++band) {
@@ -103,7 +103,7 @@ std::vector<float> radius_curve(const std::vector<TouchTrial>& trials, double th
       knot.trials.push_back(trial);
       motions_mm.push_back(motion_mm);
     }
-    if (knot.trials.size() < kFewest) continue;
+    if (knot.trials.size() < kMin) continue;
     knot.motion_mm = static_cast<float>(quantile(std::move(motions_mm), 0.5));
     fit_exponent(knot);
     knots.push_back(std::move(knot));

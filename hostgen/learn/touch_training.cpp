@@ -4,9 +4,9 @@
 #include <cstdio>
 #include <optional>
 
-#include "hostgen/common.h"
 #include "hostgen/learn/split.h"
 #include "hostgen/learn/touch_score.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

@@ -3,7 +3,7 @@
 #include <array>
 #include <charconv>
 
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

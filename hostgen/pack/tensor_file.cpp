@@ -4,7 +4,7 @@
 #include <cassert>
 #include <nlohmann/json.hpp>
 
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

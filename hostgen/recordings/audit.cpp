@@ -10,14 +10,14 @@
 #include <set>
 
 #include "hostgen/learn/split.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
 namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
-constexpr std::size_t kFewestRows = 60;  // per contact point, for fits with 28 coefficients
+constexpr std::size_t kMinRows = 60;  // per contact point, for fits with 28 coefficients
 
 const PlateMotion& top_plate(const RecordedMotion& motion, std::size_t row) {
   return motion.poses[row].plates[kTopPlate];
@@ -172,7 +172,7 @@ void audit_truth(const RecordedMotion& motion, const std::vector<bool>& outlier,
   Eigen::Vector3d residual_sq = Eigen::Vector3d::Zero();
   double change_sq = 0, unexplained_sq = 0;
   for (const auto& [node, rows] : rows_by_point(motion, outlier)) {
-    if (rows.size() < kFewestRows) continue;
+    if (rows.size() < kMinRows) continue;
     const auto count = static_cast<Eigen::Index>(rows.size());
     Eigen::MatrixXd quadratic(count, 28), pen(count, 3), linear(count, 7);
     for (Eigen::Index i = 0; i < count; ++i) {

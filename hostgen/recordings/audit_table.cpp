@@ -1,10 +1,10 @@
-// The audit in words and as a picture; declared in audit.h.
+// The audit in words and as an image; declared in audit.h.
 #include <cstdarg>
 #include <cstdio>
 #include <numbers>
 
-#include "hostgen/gnuplot.h"
 #include "hostgen/recordings/audit.h"
+#include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
 

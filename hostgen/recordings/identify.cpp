@@ -8,12 +8,12 @@
 #include <optional>
 #include <stdexcept>
 
+#include "firmware/geometry/plate_motion.h"
 #include "firmware/input_error.h"
-#include "firmware/plate_motion.h"
-#include "hostgen/common.h"
 #include "hostgen/fem/statics.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/recordings/audit.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -34,12 +34,12 @@ constexpr SpecNumber kNumbers[] = {{"shape.front_wall_mm", &FingerSpec::front_wa
                                    {"material.youngs_modulus_mpa", &FingerSpec::youngs_modulus_mpa}};
 constexpr auto kCount = static_cast<Index>(std::size(kNumbers));
 
-constexpr double kLeastPush_mm = 2;
+constexpr double kMinPush_mm = 2;
 constexpr double kDifference = 0.08;    // of a number's logarithm: well above what another mesh changes
 constexpr double kLargestChange = 0.3;  // of a number's logarithm in one iteration
 constexpr double kDetermined = 0.25;    // a number whose logarithm scatters more is not identifiable
 constexpr double kFirstForce_n = 0.5;   // of a simulated push: the next forces follow from how far it goes
-constexpr int kMostLoads = 8;
+constexpr int kMaxLoads = 8;
 
 VectorXd numbers_of(const FingerSpec& spec) {
   VectorXd logarithms(kCount);
@@ -75,7 +75,7 @@ Millimetres in_millimetres(const std::array<PlateMotion, kPlates>& plates, const
 std::optional<Millimetres> simulate(FingerStatics& statics, const RecordedPush& push, const Eigen::Vector3d& inward) {
   statics.reset();
   double force_n = kFirstForce_n;
-  for (int load = 0; load < kMostLoads; ++load) {
+  for (int load = 0; load < kMaxLoads; ++load) {
     if (!statics.load(push.point_mm, force_n)) return std::nullopt;
     const FemState state = statics.state();
     const double way_mm = (state.contact_mm - state.point_mm).cast<double>().dot(inward);
@@ -301,7 +301,7 @@ std::vector<RecordedPush> recorded_pushes(const RecordedMotion& motion, const Fi
       pushes_mm.push_back((motion.pen_mm[row] - motion.pen_mm[rest]).cast<double>().dot(inward));
     }
     const double most_mm = *std::max_element(pushes_mm.begin(), pushes_mm.end());
-    if (most_mm < kLeastPush_mm) continue;
+    if (most_mm < kMinPush_mm) continue;
     for (const double share : {0.5, 0.9}) {
       const bool some = std::any_of(pushes_mm.begin(), pushes_mm.end(),
                                     [&](double push) { return std::abs(push - share * most_mm) <= 0.1 * most_mm; });

@@ -5,9 +5,9 @@
 
 #include "firmware/model/plate_prior.h"
 #include "firmware/shape/shape_stage.h"
-#include "hostgen/common.h"
 #include "hostgen/recordings/audit.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 

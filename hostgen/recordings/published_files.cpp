@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 

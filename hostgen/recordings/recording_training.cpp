@@ -5,16 +5,16 @@
 #include <cmath>
 #include <functional>
 
+#include "firmware/geometry/plate_motion.h"
 #include "firmware/input_error.h"
 #include "firmware/model/plate_prior.h"
-#include "firmware/plate_motion.h"
 #include "firmware/touch/features.h"
 #include "firmware/touch/touch_stage.h"
-#include "hostgen/common.h"
 #include "hostgen/learn/network.h"
 #include "hostgen/learn/regression.h"
 #include "hostgen/learn/split.h"
 #include "hostgen/recordings/audit.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -125,7 +125,7 @@ class PackNetwork {
     for (Eigen::Index i = 0; i < inputs_.cols(); ++i) {
       PlatePoses poses = rows.poses[static_cast<std::size_t>(i)];
       complete_from_prior(pack.prior, poses);
-      touch_features(model_, plate_numbers(poses), noise_of(poses),
+      touch_features(model_, pose_vector(poses), noise_of(poses),
                      std::span<float, TouchModel::kInputs>(inputs_.col(i).data(), TouchModel::kInputs));
     }
   }

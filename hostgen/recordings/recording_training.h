@@ -7,7 +7,7 @@
 
 #include "firmware/model/model.h"
 #include "firmware/ports/session.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 

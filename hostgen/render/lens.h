@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "firmware/vision/camera_model.h"
+#include "firmware/geometry/lens.h"
 #include "hostgen/finger/spec.h"
 
 namespace finsight::host {
@@ -13,9 +13,9 @@ namespace finsight::host {
 class Lens {
  public:
   explicit Lens(const CameraIntrinsics& camera);
-  /// Where the ray (x / z, y / z) of the camera frame meets the picture, in pixels.
+  /// Where the ray (x / z, y / z) of the camera frame meets the image, in pixels.
   std::optional<Eigen::Vector2d> pixel(const Eigen::Vector2d& ray) const;
-  /// The ray that meets the picture at `pixel`, exact to 1e-9.
+  /// The ray that meets the image at `pixel`, exact to 1e-9.
   std::optional<Eigen::Vector2d> ray(const Eigen::Vector2d& pixel) const;
 
  private:

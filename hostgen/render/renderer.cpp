@@ -73,7 +73,7 @@ std::array<int, N> Renderer::Face::areas(const Eigen::Array<float, N, 1>& u_mm,
   return result;
 }
 
-Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const PictureQuality& quality,
+Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const ImageQuality& quality,
                    std::uint64_t seed)
     : spec_(spec), camera_(camera), quality_(quality), noise_(seed), lens_(camera) {
   for (int plate = 0; plate < kPlates; ++plate) {
@@ -97,7 +97,7 @@ Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const
   for (std::size_t i = 0; i < noise_table_.size(); ++i) {
     noise_table_[i] = i < kNoiseTable ? static_cast<float>(noise_.normal()) : noise_table_[i - kNoiseTable];
   }
-  film_ = PictureFilm(quality, camera.width_px, camera.height_px, noise_);
+  film_ = ImageFilm(quality, camera.width_px, camera.height_px, noise_);
   upper_mm_.resize(static_cast<std::size_t>(camera_.width_px) + 1);
   lower_mm_ = upper_mm_;
 }
@@ -150,11 +150,11 @@ void Renderer::render(std::span<const Scene> exposure, std::vector<std::uint8_t>
   const float part = 1 / static_cast<float>(exposure.size());
   for (const Scene& scene : exposure) {
     draw(scene);
-    for (std::size_t i = 0; i < exposed_.size(); ++i) exposed_[i] += part * scene.light * picture_[i];
+    for (std::size_t i = 0; i < exposed_.size(); ++i) exposed_[i] += part * scene.light * image_[i];
   }
-  picture_.swap(exposed_);
-  for (std::size_t i = 0; i < film_.transmission.size(); ++i) picture_[i] *= film_.transmission[i];
-  for (std::size_t i = 0; i < film_.glare.size(); ++i) picture_[i] += exposure[0].light * film_.glare[i];
+  image_.swap(exposed_);
+  for (std::size_t i = 0; i < film_.transmission.size(); ++i) image_[i] *= film_.transmission[i];
+  for (std::size_t i = 0; i < film_.glare.size(); ++i) image_[i] += exposure[0].light * film_.glare[i];
   quantise(grey);
   if (quality_.jpeg_quality < 100) {
     compress_like_jpeg(grey, camera_.width_px, camera_.height_px, quality_.jpeg_quality);
@@ -171,7 +171,7 @@ void Renderer::draw(const Scene& scene) {
   // From far to near: what is nearer covers what is behind it.
   std::sort(order.begin(), order.end(),
             [&](int a, int b) { return marker[a].translation().z() > marker[b].translation().z(); });
-  picture_ = background_;
+  image_ = background_;
   for (const int plate : order) {
     if (!scene.covered[plate]) draw_plate(faces_[plate], marker[plate]);
   }
@@ -183,7 +183,7 @@ void Renderer::sharpness_at(double z_mm) {
   blur_weights_ = blur_weights(std::hypot(quality_.blur_px, defocus_px));
 }
 
-/// The part of the picture that the face can reach, blur included; all of it when the face leaves the lens's reach.
+/// The part of the image that the face can reach, blur included; all of it when the face leaves the lens's reach.
 Renderer::Box Renderer::bounds(const Face& face, const Eigen::Isometry3d& T_camera_marker) const {
   constexpr int kSteps = 8;  // distortion bends the edges
   Eigen::Vector2d lowest(1e9, 1e9), highest(-1e9, -1e9);
@@ -204,7 +204,7 @@ Renderer::Box Renderer::bounds(const Face& face, const Eigen::Isometry3d& T_came
           clamped(lowest.y() - margin_px, camera_.height_px), clamped(highest.y() + margin_px, camera_.height_px)};
 }
 
-/// Draws a plate into a layer of its own, blurs the layer, and lays it over the picture.
+/// Draws a plate into a layer of its own, blurs the layer, and lays it over the image.
 void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker) {
   const Eigen::Vector3d place = T_camera_marker.translation();
   const bool seen_from_below = T_camera_marker.linear().col(2).dot(place) < 0;
@@ -239,7 +239,7 @@ void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_ma
   for (int y = box.first_y, i = 0; y < box.last_y; ++y) {
     const std::size_t row = static_cast<std::size_t>(y) * camera_.width_px;
     for (int x = box.first_x; x < box.last_x; ++x, ++i) {
-      picture_[row + x] = picture_[row + x] * (1 - cover_[i]) + tone_[i] * light_[row + x];
+      image_[row + x] = image_[row + x] * (1 - cover_[i]) + tone_[i] * light_[row + x];
     }
   }
 }
@@ -281,7 +281,7 @@ void Renderer::draw_row(const Face& face, const Box& box, int y) {
   }
 }
 
-/// Separable Gaussian; the layer's margin is empty (or the picture's border, which repeats).
+/// Separable Gaussian; the layer's margin is empty (or the image's border, which repeats).
 void Renderer::blur_layer(const Box& box, std::vector<float>& layer) {
   const int reach = static_cast<int>(blur_weights_.size()) - 1;
   if (reach == 0) return;
@@ -309,18 +309,18 @@ void Renderer::blur_layer(const Box& box, std::vector<float>& layer) {
 }
 
 /// Shot and read noise, then 8 bits. Every row takes a stretch of the table of normal numbers from a place of its own:
-/// drawing a million of them for every picture would take longer than all the rest.
+/// drawing a million of them for every image would take longer than all the rest.
 void Renderer::quantise(std::vector<std::uint8_t>& grey) {
-  grey.resize(picture_.size());
+  grey.resize(image_.size());
   const float read_variance = static_cast<float>(quality_.read_noise * quality_.read_noise);
   const float shot_variance = static_cast<float>(quality_.shot_noise * quality_.shot_noise);
   const std::size_t width = static_cast<std::size_t>(camera_.width_px);
-  for (std::size_t row = 0; row < picture_.size(); row += width) {
+  for (std::size_t row = 0; row < image_.size(); row += width) {
     const float* noise = &noise_table_[noise_.index(kNoiseTable)];
-    const float* picture = &picture_[row];
+    const float* image = &image_[row];
     std::uint8_t* to = &grey[row];
     for (std::size_t x = 0; x < width; ++x) {
-      const float level = std::max(picture[x], 0.0f);
+      const float level = std::max(image[x], 0.0f);
       const float noisy = level + std::sqrt(read_variance + shot_variance * level) * noise[x];
       to[x] = static_cast<std::uint8_t>(std::clamp(noisy + 0.5f, 0.0f, 255.0f));
     }

@@ -1,4 +1,4 @@
-// What the camera would see of the three markers: pictures from plate motions.
+// What the camera would see of the three markers: images from plate motions.
 #pragma once
 
 #include <cstdint>
@@ -7,9 +7,9 @@
 
 #include "firmware/types.h"
 #include "hostgen/finger/spec.h"
-#include "hostgen/random.h"
+#include "hostgen/render/image_effects.h"
 #include "hostgen/render/lens.h"
-#include "hostgen/render/picture_effects.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 
@@ -17,14 +17,14 @@ namespace finsight::host {
 /// around it, and the plate itself beside the paper. Pixels are areas (centres at whole numbers, OpenCV's convention).
 class Renderer {
  public:
-  Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const PictureQuality& quality, std::uint64_t seed);
+  Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const ImageQuality& quality, std::uint64_t seed);
   /// Where the plates are at one time, which of them the camera can see, and how much of the light is on.
   struct Scene {
     std::array<PlateMotion, kPlates> plates;
     std::array<bool, kPlates> covered{};
     float light = 1;
   };
-  /// Grey picture, width * height bytes: the mean of the scenes, which follow each other during the exposure. The same
+  /// Grey image, width * height bytes: the mean of the scenes, which follow each other during the exposure. The same
   /// seed and call order give the same bytes.
   void render(std::span<const Scene> exposure, std::vector<std::uint8_t>& grey);
   void render(const std::array<PlateMotion, kPlates>& plates, std::vector<std::uint8_t>& grey);
@@ -37,7 +37,7 @@ class Renderer {
     template <int N>
     std::array<int, N> areas(const Eigen::Array<float, N, 1>& u_mm, const Eigen::Array<float, N, 1>& v_mm) const;
   };
-  /// A part of the picture: [first, last) in pixels.
+  /// A part of the image: [first, last) in pixels.
   struct Box {
     int first_x = 0, last_x = 0, first_y = 0, last_y = 0;
     int width() const { return last_x - first_x; }
@@ -56,7 +56,7 @@ class Renderer {
 
   FingerSpec spec_;
   CameraIntrinsics camera_;
-  PictureQuality quality_;
+  ImageQuality quality_;
   Random noise_;
   Lens lens_;
   std::array<Face, kPlates> faces_;
@@ -64,11 +64,11 @@ class Renderer {
   std::vector<float> light_;                 ///< [height, width] share of the full light
   std::vector<float> background_;            ///< [height, width] grey levels
   std::vector<float> noise_table_;
-  PictureFilm film_;
+  ImageFilm film_;
   std::vector<float> blur_weights_;  ///< the middle one, then one side's; of the plate that is drawn
 
-  // Workspace of one picture
-  std::vector<float> picture_;                 ///< [height, width] grey levels of one scene
+  // Workspace of one image
+  std::vector<float> image_;                   ///< [height, width] grey levels of one scene
   std::vector<float> exposed_;                 ///< [height, width] their sum over the exposure
   std::vector<float> cover_, tone_, blurred_;  ///< one plate's layer, [box]: share of the pixel, grey level times share
   std::vector<Eigen::Vector2f> upper_mm_, lower_mm_;  ///< where the corners of a row of pixels see the plate

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "firmware/plate_motion.h"
+#include "firmware/geometry/plate_motion.h"
 
 namespace finsight::host {
 

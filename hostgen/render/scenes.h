@@ -14,7 +14,7 @@ enum class SessionEvent {
   kNone,
   kCoveredMarkers,  ///< one marker after the other is covered, then all
   kLightOff,
-  kFrozenCamera,  ///< the same picture again and again
+  kFrozenCamera,  ///< the same image again and again
   kShaken,        ///< the hand jerks: see shake()
 };
 /// "none", "covered", "light-off", "frozen", "shaken".
@@ -26,7 +26,7 @@ class SceneMaker {
   /// `states`: one per frame, which must live as long. exposure_s: around the frame's time; 0: one scene per frame.
   SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s, SessionEvent event);
   std::vector<Renderer::Scene> exposure(std::size_t frame) const;
-  /// The camera gives its last picture again.
+  /// The camera gives its last image again.
   bool is_frozen(std::size_t frame) const;
 
  private:

@@ -5,11 +5,11 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "hostgen/common.h"
 #include "hostgen/fem/deformation.h"
 #include "hostgen/fem/statics.h"
 #include "hostgen/finger/plate_geometry.h"
-#include "hostgen/random.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 

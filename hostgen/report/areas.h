@@ -5,8 +5,8 @@
 #include <nlohmann/json_fwd.hpp>
 
 #include "firmware/model/model.h"
-#include "hostgen/finger/spec.h"
 #include "hostgen/fem/dataset.h"
+#include "hostgen/finger/spec.h"
 
 namespace finsight::host {
 
@@ -19,35 +19,37 @@ nlohmann::json measure_solver(const Model& model, const nlohmann::json& bench, c
 /// The table of hard cases on this model. `quick`: a short random walk.
 nlohmann::json measure_hard_cases(const Model& model, bool quick);
 
-/// The training truth: `built`, its figures from hostgen build, with the comparison with CalculiX on three loads per kind
-/// of element and the table of locking over mesh sizes. `quick`: coarse mesh, one load. Without ccx the difference is null.
+/// The training truth: `built`, its figures from hostgen build, with the comparison with CalculiX on three loads per
+/// kind of element and the table of locking over mesh sizes. `quick`: coarse mesh, one load. Without ccx the difference
+/// is null.
 nlohmann::json measure_fem(const std::filesystem::path& spec, const nlohmann::json& built, bool quick);
 
 /// A client's time for one read of 40 registers over loopback, alone and beside a client that sends what is refused.
 nlohmann::json measure_modbus(bool quick);
 
-/// Rendered pictures of one touch path, by preset and picture size, through the firmware's stages: touch, force and
+/// Rendered images of one touch path, by preset and image size, through the firmware's stages: touch, force and
 /// level errors and coverage by plate motion, flips, false touches, whole-frame time; the joint estimate beside the
 /// paper's. The paper's four paths over their truth in paths.svg in `folder`; errors of the corners.
-/// `quick`: 4 seconds of the larger pictures instead of 24 of both.
-nlohmann::json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick);
+/// `quick`: 4 seconds of the larger images instead of 24 of both.
+nlohmann::json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
+                              bool quick);
 
-/// Bias (away from the marker's centre) and RMS error (per coordinate) of the corners in rendered pictures, one row per
+/// Bias (away from the marker's centre) and RMS error (per coordinate) of the corners in rendered images, one row per
 /// condition: distance, tilt, blur, noise, light, preset; the firmware's edges beside OpenCV's cornerSubPix.
 nlohmann::json measure_corners(const FingerSpec& spec, bool quick);
 
-/// `built`: the figures of the build. With the finger's spec and states also the paper's table 2, and how well the shape is
-/// known at the touched point; null without. Plots touch_error.svg and touch_calibration.svg into `folder`.
+/// `built`: the figures of the build. With the finger's spec and states also the paper's table 2, and how well the
+/// shape is known at the touched point; null without. Plots touch_error.svg and touch_calibration.svg into `folder`.
 nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, const FingerSpec* spec,
                              const FemDataset* dataset, const std::filesystem::path& folder, bool quick);
 
-/// Networks on a CSV of recordings, and its audit with a picture, recordings.svg; without a file the reason.
+/// Networks on a CSV of recordings, and its audit with an image, recordings.svg; without a file the reason.
 nlohmann::json measure_real(const Model& model, const std::filesystem::path& recordings,
                             const std::filesystem::path& folder, bool quick);
 
-/// Contact forces of four touches (a point, two, a pressure, the edge) from noisy plate motions: Gauss-Newton beside the
-/// paper's L-BFGS, and how often the doubt of an estimate holds the truth; plots contact_forces.svg into `folder`. `quick`:
-/// 10 draws of the noise instead of 100, 5 iterations of L-BFGS instead of 200.
+/// Contact forces of four touches (a point, two, a pressure, the edge) from noisy plate motions: Gauss-Newton beside
+/// the paper's L-BFGS, and how often the doubt of an estimate holds the truth; plots contact_forces.svg into `folder`.
+/// `quick`: 10 draws of the noise instead of 100, 5 iterations of L-BFGS instead of 200.
 nlohmann::json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, bool quick);
 
 }  // namespace finsight::host

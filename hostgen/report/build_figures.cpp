@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -12,15 +12,22 @@ using nlohmann::json;
 namespace {
 
 json score_json(const TouchScore& score) {
-  return {{"rmse_mm", score.rmse_mm}, {"r2", score.r2}, {"mean_mm", score.mean_mm},
-          {"mean_above_4_mm", score.mean_above_4_mm}, {"touches", score.touches}};
+  return {{"rmse_mm", score.rmse_mm},
+          {"r2", score.r2},
+          {"mean_mm", score.mean_mm},
+          {"mean_above_4_mm", score.mean_above_4_mm},
+          {"touches", score.touches}};
 }
 
 json bands_json(const std::vector<TouchBand>& bands) {
   json all = json::array();
   for (const TouchBand& band : bands) {
-    all.push_back({{"from_mm", band.from_mm}, {"touches", band.touches}, {"mean_mm", band.mean_mm},
-                   {"error_95_mm", band.error_95_mm}, {"coverage_68", band.coverage_68}, {"coverage_95", band.coverage_95}});
+    all.push_back({{"from_mm", band.from_mm},
+                   {"touches", band.touches},
+                   {"mean_mm", band.mean_mm},
+                   {"error_95_mm", band.error_95_mm},
+                   {"coverage_68", band.coverage_68},
+                   {"coverage_95", band.coverage_95}});
   }
   return all;
 }
@@ -28,7 +35,10 @@ json bands_json(const std::vector<TouchBand>& bands) {
 json bands_json(const std::vector<ForceBand>& bands) {
   json all = json::array();
   for (const ForceBand& band : bands) {
-    all.push_back({{"from_n", band.from_n}, {"touches", band.touches}, {"rmse_n", band.rmse_n}, {"bias_n", band.bias_n},
+    all.push_back({{"from_n", band.from_n},
+                   {"touches", band.touches},
+                   {"rmse_n", band.rmse_n},
+                   {"bias_n", band.bias_n},
                    {"coverage_68", band.coverage_68}});
   }
   return all;

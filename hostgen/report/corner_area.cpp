@@ -6,10 +6,10 @@
 
 #include "firmware/vision/edge_corners.h"
 #include "firmware/vision/ippe.h"
-#include "hostgen/common.h"
 #include "hostgen/finger/plate_motion.h"
 #include "hostgen/render/renderer.h"
 #include "hostgen/report/areas.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -74,29 +74,29 @@ std::array<PlateMotion, kPlates> random_motions(Random& random) {
   return motions;
 }
 
-Corners by_corner_sub_pix(const GreyView& picture, const Corners& start) {
+Corners by_corner_sub_pix(const ImageView& image, const Corners& start) {
   std::vector<cv::Point2f> points;
   for (const Vec2f& corner : start) points.emplace_back(corner.x(), corner.y());
-  const cv::Mat grey(picture.height_px, picture.width_px, CV_8UC1, const_cast<std::uint8_t*>(picture.pixels));
+  const cv::Mat grey(image.height_px, image.width_px, CV_8UC1, const_cast<std::uint8_t*>(image.pixels));
   cv::cornerSubPix(grey, points, {4, 4}, {-1, -1}, {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 0.01});
   Corners corners;
   for (std::size_t k = 0; k < 4; ++k) corners[k] = {points[k].x, points[k].y};
   return corners;
 }
 
-/// Draws `pictures` of `quality` and calls `take` with each marker and what both methods make of it.
+/// Draws `images` of `quality` and calls `take` with each marker and what both methods make of it.
 using Take = std::function<void(const DrawnMarker&, const Corners* edges, const Corners& sub_pix)>;
-void measure(const FingerSpec& spec, const PictureQuality& quality, int pictures, const Take& take) {
+void measure(const FingerSpec& spec, const ImageQuality& quality, int images, const Take& take) {
   const CameraIntrinsics& camera = spec.cameras[0];
   const CameraModel lens = camera_model(camera);
   Renderer renderer(spec, camera, quality, kSeed);
   Random random(kSeed);
   std::vector<std::uint8_t> grey;
-  for (int n = 0; n < pictures; ++n) {
+  for (int n = 0; n < images; ++n) {
     if (interrupted()) throw Interrupted();
     const std::array<PlateMotion, kPlates> motions = random_motions(random);
     renderer.render(motions, grey);
-    const GreyView picture{grey.data(), camera.width_px, camera.height_px, camera.width_px};
+    const ImageView image{grey.data(), camera.width_px, camera.height_px, camera.width_px};
     for (std::size_t p = 0; p < kPlates; ++p) {
       const DrawnMarker marker = drawn(spec, lens, p, motions[p]);
       Corners coarse = marker.truth;
@@ -105,8 +105,8 @@ void measure(const FingerSpec& spec, const PictureQuality& quality, int pictures
         corner += (kCoarsePx * Eigen::Vector2d(std::cos(angle), std::sin(angle))).cast<float>();
       }
       Corners edges = coarse;
-      const bool found = refine_corners(picture, lens, edges);
-      take(marker, found ? &edges : nullptr, by_corner_sub_pix(picture, coarse));
+      const bool found = refine_corners(image, lens, edges);
+      take(marker, found ? &edges : nullptr, by_corner_sub_pix(image, coarse));
     }
   }
 }
@@ -126,14 +126,14 @@ struct Row {
   }
 };
 
-/// Distance and tilt: one set of pictures, sorted.
-void add_by_pose(const FingerSpec& spec, int pictures, json& rows) {
+/// Distance and tilt: one set of images, sorted.
+void add_by_pose(const FingerSpec& spec, int images, json& rows) {
   constexpr double kFar_mm[] = {0, 70, 95, 1000}, kSteep_deg[] = {0, 6, 12, 90};
   std::array<Row, 3> by_distance, by_tilt;
   const auto place = [](const double(&edges)[4], double value) {
     return value < edges[1] ? 0U : value < edges[2] ? 1U : 2U;
   };
-  measure(spec, picture_preset("lab"), 2 * pictures,
+  measure(spec, image_preset("lab"), 2 * images,
           [&](const DrawnMarker& marker, const Corners* edges, const Corners& other) {
             by_distance[place(kFar_mm, marker.distance_mm)].add(marker, edges, other);
             by_tilt[place(kSteep_deg, marker.tilt_deg)].add(marker, edges, other);
@@ -145,41 +145,41 @@ void add_by_pose(const FingerSpec& spec, int pictures, json& rows) {
 }  // namespace
 
 json measure_corners(const FingerSpec& spec, bool quick) {
-  const int pictures = quick ? 6 : 40;
-  const PictureQuality lab = picture_preset("lab");
+  const int images = quick ? 6 : 40;
+  const ImageQuality lab = image_preset("lab");
   struct Condition {
     std::string varied;
     json value;
-    PictureQuality quality;
+    ImageQuality quality;
   };
   std::vector<Condition> conditions;
-  const auto vary = [&](const std::string& name, double PictureQuality::*field, std::initializer_list<double> values) {
+  const auto vary = [&](const std::string& name, double ImageQuality::*field, std::initializer_list<double> values) {
     for (const double value : values) {
       conditions.push_back({name, value, lab});
       conditions.back().quality.*field = value;
     }
   };
-  vary("blur_px", &PictureQuality::blur_px, {0.4, 0.7, 1.0, 1.5});
-  vary("read_noise", &PictureQuality::read_noise, {0.5, 3, 6, 10});
-  vary("light_gradient", &PictureQuality::light_gradient, {0, 0.6});
+  vary("blur_px", &ImageQuality::blur_px, {0.4, 0.7, 1.0, 1.5});
+  vary("read_noise", &ImageQuality::read_noise, {0.5, 3, 6, 10});
+  vary("light_gradient", &ImageQuality::light_gradient, {0, 0.6});
   for (const double light : {1.0, 0.5, 0.25}) {
     conditions.push_back({"light", light, lab});
-    PictureQuality& quality = conditions.back().quality;
-    for (double PictureQuality::*grey :
-         {&PictureQuality::white, &PictureQuality::black, &PictureQuality::plate, &PictureQuality::background}) {
+    ImageQuality& quality = conditions.back().quality;
+    for (double ImageQuality::*grey :
+         {&ImageQuality::white, &ImageQuality::black, &ImageQuality::plate, &ImageQuality::background}) {
       quality.*grey *= light;
     }
   }
-  for (const std::string& preset : picture_presets()) conditions.push_back({"preset", preset, picture_preset(preset)});
+  for (const std::string& preset : image_presets()) conditions.push_back({"preset", preset, image_preset(preset)});
 
   json rows = json::array();
   Progress progress("corners", conditions.size() + 1);
-  add_by_pose(spec, pictures, rows);
+  add_by_pose(spec, images, rows);
   progress.advance();
   for (const Condition& condition : conditions) {
     Row row;
     measure(
-        spec, condition.quality, pictures,
+        spec, condition.quality, images,
         [&](const DrawnMarker& marker, const Corners* edges, const Corners& other) { row.add(marker, edges, other); });
     rows.push_back(row.figures(condition.varied, condition.value));
     progress.advance();

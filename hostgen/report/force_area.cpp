@@ -5,11 +5,11 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "hostgen/common.h"
 #include "hostgen/fem/contact_forces.h"
-#include "hostgen/gnuplot.h"
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/report/areas.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
 
@@ -75,7 +75,7 @@ bool points_within(const std::vector<FaceForce>& truth, const ContactForces& fou
   return std::all_of(truth.begin(), truth.end(), [&](const FaceForce& force) {
     return std::any_of(found.contacts.begin(), found.contacts.end(), [&](const Contact& contact) {
       const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
-      return distance_mm <= contact.doubt.reach_mm || (spread_too && distance_mm <= contact.doubt.spread_mm);
+      return distance_mm <= contact.doubt.position_95_mm || (spread_too && distance_mm <= contact.doubt.extent_95_mm);
     });
   });
 }
@@ -120,18 +120,18 @@ void plot(const json& rows, const std::filesystem::path& svg) {
 json draw_figures(const Case& touch, const std::vector<double>& truth_mm, const TetMesh& mesh,
                   const ContactForces& found) {
   const double true_n = total_n(touch.forces);
-  double found_n = 0, reach_mm = 0, spread_mm = 0;
+  double found_n = 0, position_95_mm = 0, extent_95_mm = 0;
   for (const Contact& contact : found.contacts) {
     found_n += contact.force_n;
-    reach_mm = std::max(reach_mm, contact.doubt.reach_mm);
-    spread_mm = std::max(spread_mm, contact.doubt.spread_mm);
+    position_95_mm = std::max(position_95_mm, contact.doubt.position_95_mm);
+    extent_95_mm = std::max(extent_95_mm, contact.doubt.extent_95_mm);
   }
   return {{"gauss_newton_s", found.seconds},
           {"front_mm", mean_front_mm(mesh, found.node_displacement_mm, truth_mm)},
           {"force_error_n", std::abs(found_n - true_n)},
           {"contacts", static_cast<double>(found.contacts.size())},
-          {"reach_mm", reach_mm},
-          {"spread_mm", spread_mm},
+          {"position_95_mm", position_95_mm},
+          {"extent_95_mm", extent_95_mm},
           {"explained", found.explained ? 1.0 : 0.0},
           {"truth_within_reach", points_within(touch.forces, found, false) ? 1.0 : 0.0},
           {"truth_within_doubt", points_within(touch.forces, found, true) ? 1.0 : 0.0},
@@ -148,7 +148,7 @@ json run_case(ContactForceSolver& solver, const FingerSpec& spec, const TetMesh&
   double worst_front_mm = 0, worst_s = 0;
   for (int draw = 0; draw < draws; ++draw) {
     if (interrupted()) throw Interrupted();
-    PlateNumbers noisy = plate_numbers(clean);
+    PoseVector noisy = pose_vector(clean);
     add_noise(spec.noise, random, noisy);
     const PlatePoses measured = seen_poses({noisy.data(), 18});
     const ContactForces found = solver.gauss_newton(measured);

@@ -2,8 +2,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "hostgen/common.h"
 #include "hostgen/report/results.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -162,7 +162,7 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   out << "<img src=\"contact_forces.svg\" alt=\"objective against time, Gauss-Newton and L-BFGS\">\n";
   add_section(all, "vision", "Pixels to registers", out);
   for (const char* preset : {"lab", "factory", "worst"}) {
-    out << "<p>Preset " << preset << ", by plate motion (the joint estimate, larger pictures).</p>\n";
+    out << "<p>Preset " << preset << ", by plate motion (the joint estimate, larger images).</p>\n";
     add_table(all["vision"][preset].value("by_plate_motion", json()),
               {"from_mm", "touches", "touch_mm", "touch_95_mm", "force_rmse_n", "level_rmse_permille", "coverage_68",
                "coverage_95"},
@@ -173,10 +173,10 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
             {"preset", "method", "touch_mm_2_to_4", "touch_mm_above_4", "touch_mm_above_7", "false_valid",
              "flips_per_1000", "coverage_68", "coverage_95", "estimate_us_p50", "estimate_us_p99"},
             out);
-  out << "<p>The paper's four paths in pictures of preset lab.</p>\n";
+  out << "<p>The paper's four paths in images of preset lab.</p>\n";
   add_table(all["vision"].value("paths", json()), {"path", "touches", "touch_mm", "touch_95_mm"}, out);
   out << "<img src=\"paths.svg\" alt=\"touched points found, over the true paths\">\n";
-  out << "<p>Corners in rendered 1280x720 pictures, pixels: bias away from the marker's centre, RMS per coordinate. "
+  out << "<p>Corners in rendered 1280x720 images, pixels: bias away from the marker's centre, RMS per coordinate. "
          "edges: "
          "what the firmware does; sub_pix: OpenCV's cornerSubPix. All but the named number as in preset lab.</p>\n";
   add_table(all["vision"].value("corners", json()),

@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -130,10 +130,11 @@ void Results::measured(const std::string& area, const json& figures, const std::
   (*json_)["machine"] = machine_name();
   (*json_)["commit"] = first_line_of("git describe --always --dirty 2>/dev/null");
   (*json_)["profile"] = profile;
-  (*json_)["measured"][area] = {{"date", today()},
-                                {"profile", profile},
-                                {"commit", (*json_)["commit"]},
-                                {"command", "scripts/report " + std::string(profile == "quick" ? "--quick " : "") + area}};
+  (*json_)["measured"][area] = {
+      {"date", today()},
+      {"profile", profile},
+      {"commit", (*json_)["commit"]},
+      {"command", "scripts/report " + std::string(profile == "quick" ? "--quick " : "") + area}};
 }
 
 const json& Results::all() const { return *json_; }

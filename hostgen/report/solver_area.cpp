@@ -9,12 +9,12 @@
 
 #include "firmware/shape/shape_measures.h"
 #include "firmware/shape/shape_stage.h"
-#include "hostgen/common.h"
+#include "hostgen/hard_cases/hard_cases.h"
+#include "hostgen/hard_cases/motions.h"
+#include "hostgen/hard_cases/shape_distance.h"
 #include "hostgen/report/areas.h"
-#include "hostgen/gnuplot.h"
-#include "hostgen/report/hard_cases.h"
-#include "hostgen/report/motions.h"
-#include "hostgen/report/shape_distance.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
 

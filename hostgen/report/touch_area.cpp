@@ -1,10 +1,10 @@
 // Area touch: what the build measured, the paper's table 2, shapes at the touched point, and the plots of them.
 #include <nlohmann/json.hpp>
 
-#include "hostgen/gnuplot.h"
 #include "hostgen/learn/shape_at_touch.h"
 #include "hostgen/learn/touch_comparison.h"
 #include "hostgen/report/areas.h"
+#include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
 

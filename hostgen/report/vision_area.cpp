@@ -6,14 +6,14 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
-#include "firmware/frame_loop.h"
+#include "firmware/loop/frame_loop.h"
 #include "firmware/touch/touch_stage.h"
-#include "hostgen/common.h"
-#include "hostgen/gnuplot.h"
 #include "hostgen/render/scenes.h"
 #include "hostgen/render/touch_path.h"
 #include "hostgen/report/areas.h"
-#include "hostgen/statistics.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/gnuplot.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -166,12 +166,12 @@ class Way {
   std::vector<double> estimate_us_;  ///< corners to plates
 };
 
-/// One preset at one picture size. The loop gives the registers' level and the times, the stages beside it the rest.
+/// One preset at one image size. The loop gives the registers' level and the times, the stages beside it the rest.
 json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsics& camera, const std::string& preset,
                 const std::vector<FemState>& states, Progress& progress) {
   constexpr double kNoLevel = std::numeric_limits<double>::quiet_NaN();
   constexpr std::size_t kLevelRegister = 11, kStatusRegister = 0;
-  const PictureQuality quality = picture_preset(preset);
+  const ImageQuality quality = image_preset(preset);
   const CameraModel lens = camera_model(camera);
   Renderer renderer(spec, camera, quality, kSeed);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
@@ -235,13 +235,13 @@ json method_rows(const std::string& preset, const json& figures) {
   return rows;
 }
 
-/// The paper's four paths (its figure 7) as the firmware sees them in pictures of preset lab, drawn over the truth.
+/// The paper's four paths (its figure 7) as the firmware sees them in images of preset lab, drawn over the truth.
 json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh, const std::filesystem::path& folder,
                 bool quick) {
   const double seconds = quick ? 3 : 8;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const CameraIntrinsics& camera = spec.cameras[0];
-  const PictureQuality quality = picture_preset("lab");
+  const ImageQuality quality = image_preset("lab");
   json rows = json::array();
   Gnuplot plot(folder / "paths.svg");
   plot.line("set term svg size 1000,1000; set multiplot layout 2,2");
@@ -292,8 +292,8 @@ json measure_vision(const Model& model, const FingerSpec& spec, const std::files
   const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);
   const std::size_t sizes = quick ? 1 : spec.cameras.size();  // the larger one first
   json vision;
-  const auto presets = picture_presets();
-  Progress progress("rendered pictures to touches", presets.size() * sizes * states.size());
+  const auto presets = image_presets();
+  Progress progress("rendered images to touches", presets.size() * sizes * states.size());
   for (const std::string& preset : presets) {
     for (std::size_t size = 0; size < sizes; ++size) {
       const CameraIntrinsics& camera = spec.cameras[size];
@@ -307,7 +307,7 @@ json measure_vision(const Model& model, const FingerSpec& spec, const std::files
   }
   for (const char* key : {"frame_ms_p50", "frame_ms_p99", "frame_cpu_ms_p50", "frame_cpu_ms_p99", "poses_ms_p50"})
     vision[key] = vision["lab"][key];
-  vision["picture"] = std::to_string(spec.cameras[0].width_px) + "x" + std::to_string(spec.cameras[0].height_px);
+  vision["image"] = std::to_string(spec.cameras[0].width_px) + "x" + std::to_string(spec.cameras[0].height_px);
   vision["paths"] = draw_paths(model, spec, mesh, folder, quick);
   vision["corners"] = measure_corners(spec, quick);
   return {{"vision", vision}};

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "firmware/vision/camera_model.h"
+#include "firmware/geometry/lens.h"
 #include "hostgen/calibrate/board_views.h"
 #include "tests/random.h"
 
@@ -27,12 +27,12 @@ class BoardPainter {
   }
 
   /// T_camera_board in squares.
-  host::GreyPicture paint(const Eigen::Isometry3d& T_camera_board, std::uint64_t seed, double blur_px = 0.7,
-                          double noise = 1.5) const {
+  host::GreyImage paint(const Eigen::Isometry3d& T_camera_board, std::uint64_t seed, double blur_px = 0.7,
+                        double noise = 1.5) const {
     Eigen::Matrix3d ray_from_board = T_camera_board.linear();  // the board has no third coordinate
     ray_from_board.col(2) = T_camera_board.translation();
     const Eigen::Matrix3d board_from_ray = ray_from_board.inverse();
-    std::vector<Eigen::Vector2d> at;  // in modules of the picture of the board
+    std::vector<Eigen::Vector2d> at;  // in modules of the image of the board
     for (const Eigen::Vector2d& ray : rays_) {
       const Eigen::Vector3d place = board_from_ray * ray.homogeneous();
       const bool ahead = place.z() > 1e-6;  // false for NaN
@@ -70,17 +70,17 @@ class BoardPainter {
     return sum / kSamples;
   }
 
-  host::GreyPicture develop(std::vector<double> grey, std::uint64_t seed, double blur_px, double noise) const {
+  host::GreyImage develop(std::vector<double> grey, std::uint64_t seed, double blur_px, double noise) const {
     blur(grey, blur_px, true);
     blur(grey, blur_px, false);
-    host::GreyPicture picture{camera_.width_px, camera_.height_px, {}};
+    host::GreyImage image{camera_.width_px, camera_.height_px, {}};
     Random random(seed);
     for (const double value : grey) {
       // Nearly normal, and quick: the sum of three even ones.
       const double off = random.uniform() + random.uniform() + random.uniform() - 1.5;
-      picture.grey.push_back(static_cast<std::uint8_t>(std::lround(std::clamp(value + 2 * noise * off, 0.0, 255.0))));
+      image.grey.push_back(static_cast<std::uint8_t>(std::lround(std::clamp(value + 2 * noise * off, 0.0, 255.0))));
     }
-    return picture;
+    return image;
   }
 
   void blur(std::vector<double>& grey, double sigma_px, bool level) const {
@@ -104,11 +104,11 @@ class BoardPainter {
   }
 
   CameraModel camera_;
-  host::GreyPicture modules_;
+  host::GreyImage modules_;
   std::vector<Eigen::Vector2d> rays_;
 };
 
-/// The board with its middle seen at a share of the picture (0 ... 1 each way), `depth` squares away; positive tilts
+/// The board with its middle seen at a share of the image (0 ... 1 each way), `depth` squares away; positive tilts
 /// bring its lower and its right side nearer.
 inline Eigen::Isometry3d board_at(const CameraModel& camera, double across, double down, double lower_deg,
                                   double right_deg, double depth = 13, double roll_deg = 0) {
@@ -123,7 +123,7 @@ inline Eigen::Isometry3d board_at(const CameraModel& camera, double across, doub
   return pose;
 }
 
-/// Fifteen views as someone takes them who follows the advice: all of the picture, tilted to all sides.
+/// Fifteen views as someone takes them who follows the advice: all of the image, tilted to all sides.
 inline std::vector<Eigen::Isometry3d> good_views(const CameraModel& camera) {
   std::vector<Eigen::Isometry3d> views;
   const double tilts[4][2] = {{25, 0}, {-25, 0}, {0, 25}, {0, -25}};

@@ -17,13 +17,13 @@ namespace {
 const CameraModel kCamera = test::calibrated_camera();
 const CharucoBoard kBoard;
 
-void write(const test::ScratchFolder& folder, const std::string& name, const GreyPicture& picture) {
-  folder.write(name, png_bytes(picture, 1000));
+void write(const test::ScratchFolder& folder, const std::string& name, const GreyImage& image) {
+  folder.write(name, png_bytes(image, 1000));
 }
 
-std::string pgm_bytes(const GreyPicture& picture) {
-  return "P5\n" + std::to_string(picture.width_px) + " " + std::to_string(picture.height_px) + "\n255\n" +
-         std::string(picture.grey.begin(), picture.grey.end());
+std::string pgm_bytes(const GreyImage& image) {
+  return "P5\n" + std::to_string(image.width_px) + " " + std::to_string(image.height_px) + "\n255\n" +
+         std::string(image.grey.begin(), image.grey.end());
 }
 
 std::string reason(const std::vector<BoardView>& views, const std::string& name) {
@@ -46,7 +46,7 @@ bool says(const std::string& text, const char* part) { return text.find(part) !=
 
 }  // namespace
 
-TEST_CASE("board views: each rejected picture has its reason") {
+TEST_CASE("board views: each rejected image has its reason") {
   const test::ScratchFolder folder;
   const test::BoardPainter painter(kCamera);
   const auto at = [&](double across, double lower_deg) { return test::board_at(kCamera, across, 0.5, lower_deg, 0); };
@@ -60,7 +60,7 @@ TEST_CASE("board views: each rejected picture has its reason") {
   large.width_px = 800;
   write(folder, "g_large.png", test::BoardPainter(large).paint(at(0.5, 30), 6));
   folder.write("h_cut.png", png_bytes(painter.paint(at(0.5, 0), 7), 1).substr(0, 5000));
-  folder.write("i_text.pgm", "no picture");
+  folder.write("i_text.pgm", "no image");
   const test::BoardPainter other(kCamera, CharucoBoard{7, 9});
   write(folder, "j_other.png", other.paint(at(0.5, 0), 8));
   folder.write("notes.txt", "not looked at");
@@ -74,7 +74,7 @@ TEST_CASE("board views: each rejected picture has its reason") {
   CHECK(says(reason(views, "d_blurred.png"), "blurred: edges are"));
   CHECK(reason(views, "e_nothing.png") == "no board");
   CHECK(says(reason(views, "f_corner.png"), "corners, fewer than 12"));
-  CHECK(reason(views, "g_large.png") == "800x480 pixels, most pictures have 640x480");
+  CHECK(reason(views, "g_large.png") == "800x480 pixels, most images have 640x480");
   CHECK(says(reason(views, "h_cut.png"), "cannot be read: "));
   CHECK(says(reason(views, "i_text.pgm"), "no binary PGM"));
   CHECK(says(reason(views, "j_other.png"), "markers, but not as on a board of 10x7 squares"));
@@ -128,14 +128,14 @@ TEST_CASE("board views: a long video is thinned out until few enough views are l
   }
   reject_bad_views(kBoard, views);
   const std::vector<BoardView*> used = used_views(views);
-  CHECK(used.size() <= static_cast<std::size_t>(kMostViews));
+  CHECK(used.size() <= static_cast<std::size_t>(kMaxViews));
   CHECK(used.size() > 20);
   CHECK(reason(views, "1") == "shows what 0 shows");
 }
 
-TEST_CASE("board views: folders without pictures are refused") {
+TEST_CASE("board views: folders without images are refused") {
   const test::ScratchFolder folder;
-  CHECK(says(refusal(folder.path()), "pictures: found none, expected files ending in .png, .pgm or .y4m"));
+  CHECK(says(refusal(folder.path()), "images: found none, expected files ending in .png, .pgm or .y4m"));
   CHECK(says(refusal(folder / "none"), "none: is no folder"));
   CHECK(says(refusal(folder.write("file.png", "")), "is no folder"));
   std::filesystem::create_directory(folder / "folder.png");

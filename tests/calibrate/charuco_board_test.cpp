@@ -23,17 +23,17 @@ constexpr int kPixelsPerModule = 10;
 /// OpenCV's own drawing, ten pixels per module, without a margin.
 cv::Mat drawn_by_opencv(const CharucoBoard& board) {
   const cv::Size size(8 * kPixelsPerModule * board.columns, 8 * kPixelsPerModule * board.rows);
-  cv::Mat picture;
+  cv::Mat image;
 #if CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR <= 6
   cv::aruco::CharucoBoard::create(board.columns, board.rows, 1, 0.75F,
                                   cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50))
-      ->draw(size, picture);
+      ->draw(size, image);
 #else
   cv::aruco::CharucoBoard({board.columns, board.rows}, 1, 0.75F,
                           cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50))
-      .generateImage(size, picture);
+      .generateImage(size, image);
 #endif
-  return picture;
+  return image;
 }
 
 std::string refusal(const CharucoBoard& board) {
@@ -50,7 +50,7 @@ std::string refusal(const CharucoBoard& board) {
 TEST_CASE("charuco board: is the one that OpenCV draws") {
   for (const CharucoBoard& board : {CharucoBoard{10, 7}, CharucoBoard{5, 9}, CharucoBoard{7, 3}}) {
     const cv::Mat theirs = drawn_by_opencv(board);
-    const GreyPicture ours = board.modules();
+    const GreyImage ours = board.modules();
     int different = 0, black = 0;
     for (int y = 0; y < 8 * board.rows; ++y) {
       for (int x = 0; x < 8 * board.columns; ++x) {
@@ -88,8 +88,8 @@ TEST_CASE("charuco board: its corners are found to a tenth of a pixel, near and 
         Case{0.5, 0.5, 0, 0, 5, 0, 12}, Case{0.5, 0.5, 10, 0, 17, 90, 50}, Case{0.15, 0.2, 0, 25, 12, 10, 15}}) {
     const Eigen::Isometry3d pose =
         test::board_at(camera, c.across, c.down, c.lower_deg, c.right_deg, c.depth, c.roll_deg);
-    const GreyPicture picture = painter.paint(pose, 7);
-    const BoardSight sight = finder.find(picture.view());
+    const GreyImage image = painter.paint(pose, 7);
+    const BoardSight sight = finder.find(image.view());
     CAPTURE(c.depth);
     CAPTURE(c.roll_deg);
     CHECK(sight.id.size() >= c.fewest);
@@ -118,8 +118,8 @@ TEST_CASE("charuco board: blur shows in the width of its edges, also when it goe
   const double soft_px = finder.find(painter.paint(pose, 1, 2).view()).edge_px;
   CHECK(sharp_px == doctest::Approx(2.5 * 0.7).epsilon(0.35));
   CHECK(soft_px == doctest::Approx(2.5 * 2).epsilon(0.2));
-  GreyPicture moved = painter.paint(test::board_at(camera, 0.5, 0.5, 0, 0, 7), 1, 0.7);
-  const GreyPicture still = moved;
+  GreyImage moved = painter.paint(test::board_at(camera, 0.5, 0.5, 0, 0, 7), 1, 0.7);
+  const GreyImage still = moved;
   for (int y = 0; y < moved.height_px; ++y) {
     for (int x = 6; x < moved.width_px; ++x) {
       int sum = 0;
@@ -133,12 +133,12 @@ TEST_CASE("charuco board: blur shows in the width of its edges, also when it goe
 TEST_CASE("charuco board: without a board, and with another board, no corner is found") {
   const CameraModel camera = test::calibrated_camera();
   const test::BoardPainter painter(camera);
-  const GreyPicture picture = painter.paint(test::board_at(camera, 0.5, 0.5, 0, 0), 3);
-  const BoardSight other = BoardFinder(CharucoBoard{7, 9}).find(picture.view());
+  const GreyImage image = painter.paint(test::board_at(camera, 0.5, 0.5, 0, 0), 3);
+  const BoardSight other = BoardFinder(CharucoBoard{7, 9}).find(image.view());
   CHECK(other.id.size() < 4);
   CHECK(other.markers > 25);
   test::Random random(5);
-  GreyPicture noise = picture;
+  GreyImage noise = image;
   for (std::uint8_t& grey : noise.grey) grey = static_cast<std::uint8_t>(256 * random.uniform());
   CHECK(BoardFinder(CharucoBoard{}).find(noise.view()).id.empty());
 }
@@ -147,22 +147,22 @@ TEST_CASE("charuco board: the printed files show it at its size") {
   const test::ScratchFolder folder;
   const CharucoBoard board;
   const std::string png = board_png(board, 8);
-  const GreyPicture picture = read_png(folder.write("board.png", png));
+  const GreyImage image = read_png(folder.write("board.png", png));
   // Half a square of margin: 11 x 8 squares of 8 mm at 24 pixels per millimetre.
-  CHECK(picture.width_px == 11 * 8 * 24);
-  CHECK(picture.height_px == 8 * 8 * 24);
+  CHECK(image.width_px == 11 * 8 * 24);
+  CHECK(image.height_px == 8 * 8 * 24);
   const std::size_t at = png.find("pHYs");
   REQUIRE(at != std::string::npos);
   CHECK(png.substr(at + 4, 9) == std::string("\0\0\x5d\xc0\0\0\x5d\xc0\1", 9));  // 24000 per metre
-  GreyPicture small{picture.width_px / 3, picture.height_px / 3, {}};
+  GreyImage small{image.width_px / 3, image.height_px / 3, {}};
   for (int y = 0; y < small.height_px; ++y) {
-    for (int x = 0; x < small.width_px; ++x) small.grey.push_back(*picture.view().at(3 * x + 1, 3 * y + 1));
+    for (int x = 0; x < small.width_px; ++x) small.grey.push_back(*image.view().at(3 * x + 1, 3 * y + 1));
   }
   CHECK(BoardFinder(board).find(small.view()).id.size() == 54);
 
   const std::string svg = board_svg(board, 12.5);
   CHECK(svg.find("width=\"137.5mm\" height=\"100mm\" viewBox=\"0 0 88 64\"") != std::string::npos);
-  const GreyPicture modules = board.modules();
+  const GreyImage modules = board.modules();
   std::vector<int> painted(modules.grey.size());
   int x = 0, y = 0, width = 0;
   for (std::size_t run = svg.find('M'); run != std::string::npos; run = svg.find('M', run + 1)) {

@@ -3,7 +3,7 @@
 #include <doctest/doctest.h>
 
 #include "firmware/input_error.h"
-#include "firmware/settings.h"
+#include "firmware/settings/settings.h"
 #include "hostgen/calibrate/calibration_report.h"
 #include "tests/calibrate/board_painter.h"
 #include "tests/model/scratch_folder.h"
@@ -26,7 +26,7 @@ std::array<double, kLensNumbers> truth() {
   return numbers;
 }
 
-/// What is seen of the board from a pose, without pictures: exact corners with noise.
+/// What is seen of the board from a pose, without images: exact corners with noise.
 BoardView seen_from(const Eigen::Isometry3d& T_camera_board, test::Random& random, double noise_px = 0.05) {
   BoardView view;
   view.name = "view";
@@ -65,7 +65,7 @@ const Calibrated& calibrated() {
 
 std::string refusal(std::vector<BoardView>& views) {
   try {
-    calibrate_lens(kBoard, views, "pictures");
+    calibrate_lens(kBoard, views, "images");
   } catch (const InputError& error) {
     return error.what();
   }
@@ -76,7 +76,7 @@ bool says(const std::string& text, const std::string& part) { return text.find(p
 
 }  // namespace
 
-TEST_CASE("lens calibration: pictures of a board give the lens that drew them, within the standard deviations") {
+TEST_CASE("lens calibration: images of a board give the lens that drew them, within the standard deviations") {
   const test::BoardPainter painter(kCamera);
   BoardFinder finder(kBoard);
   std::vector<BoardView> views;
@@ -89,7 +89,7 @@ TEST_CASE("lens calibration: pictures of a board give the lens that drew them, w
     views.push_back(view);
   }
   reject_bad_views(kBoard, views);
-  const LensCalibration lens = calibrate_lens(kBoard, views, "pictures");
+  const LensCalibration lens = calibrate_lens(kBoard, views, "images");
   MESSAGE(calibration_text(lens, coverage_of(lens, views)));
   CHECK(lens.views == 15);
   CHECK(lens.rms_px < 0.08);
@@ -98,7 +98,7 @@ TEST_CASE("lens calibration: pictures of a board give the lens that drew them, w
     CHECK(std::abs(lens.value[i] - truth()[i]) < 5 * lens.sigma[i]);
   }
   CHECK(lens.sigma[0] < 1);
-  // What counts: where the lens sees what, over all of the picture.
+  // What counts: where the lens sees what, over all of the image.
   double worst_px = 0;
   for (int y = 10; y < 480; y += 20) {
     for (int x = 10; x < 640; x += 20) {
@@ -153,11 +153,11 @@ TEST_CASE("lens calibration: a single bad corner costs itself, not its view") {
 TEST_CASE("lens calibration: views that do not determine a lens are refused") {
   test::Random random(3);
   std::vector<BoardView> views;
-  CHECK(says(refusal(views), "pictures: usable pictures: found 0 of 0, expected at least 6"));
+  CHECK(says(refusal(views), "images: usable images: found 0 of 0, expected at least 6"));
   for (int i = 0; i < 8; ++i) {  // far, small, and all face-on
     views.push_back(seen_from(test::board_at(kCamera, 0.45 + 0.01 * i, 0.5, 0, 0, 60), random));
   }
-  CHECK(says(refusal(views), "pictures: "));
+  CHECK(says(refusal(views), "images: "));
   views = good_sights(1);
   for (std::size_t i = 0; i < 10; ++i) views[i].rejected = "blurred";
   CHECK(says(refusal(views), "found 5 of 15, expected at least 6"));
@@ -175,7 +175,7 @@ TEST_CASE("lens calibration: corners that no lens explains, and a board that was
   CHECK(says(refusal(views), "tilt"));
 }
 
-TEST_CASE("lens calibration: coverage counts ninths of the picture and tilts, and the advice says what is missing") {
+TEST_CASE("lens calibration: coverage counts ninths of the image and tilts, and the advice says what is missing") {
   std::vector<BoardView> views = calibrated().views;
   const LensCalibration lens = calibrated().lens;
   CHECK(advice(coverage_of(lens, views)).empty());
@@ -222,31 +222,31 @@ TEST_CASE("lens calibration: a tilt is counted for the side that is nearer") {
                             (views[0].T_camera_board * Eigen::Vector3d(5, 0, 0)).z(),
                             (views[0].T_camera_board * Eigen::Vector3d(0, 3.5, 0)).z(),
                             (views[0].T_camera_board * Eigen::Vector3d(10, 3.5, 0)).z()};
-    // Rolled by a right angle, the board's own lower side is the left one in the picture, and so on.
+    // Rolled by a right angle, the board's own lower side is the left one in the image, and so on.
     CHECK(std::min_element(z_at, z_at + 4) - z_at == static_cast<std::ptrdiff_t>(side));
     const Coverage coverage = coverage_of(lens, views);
     for (std::size_t other = 0; other < 4; ++other) CHECK(coverage.tilted[other] == (other == side ? 1 : 0));
   }
 }
 
-TEST_CASE("lens calibration: its file is what a board file takes, for this picture size only") {
+TEST_CASE("lens calibration: its file is what a board file takes, for this image size only") {
   const LensCalibration lens = calibrated().lens;
   const test::ScratchFolder folder;
-  folder.write("lens.toml", lens_file(lens, "pictures\nof mine"));
+  folder.write("lens.toml", lens_file(lens, "images\nof mine"));
   const auto board = [&](const std::string& size, const std::string& more) {
     return folder.write("board.toml", "pack = \"p\"\n[source]\nkind = \"camera\"\n" + size +
                                           "frames_per_second = 60\n" + more + "[modbus]\n");
   };
-  const std::string text = lens_file(lens, "pictures");
+  const std::string text = lens_file(lens, "images");
   CHECK(text.substr(text.find("k1_k2")).size() < 80);  // decimals that mean something
   const std::string vga = "width_px = 640\nheight_px = 480\n";
   const CameraModel named = read_settings(board(vga, "lens = \"lens.toml\"\n")).lens;
   CHECK(named.fx == doctest::Approx(lens.value[0]).epsilon(1e-5));
   CHECK(named.k3 == doctest::Approx(lens.value[8]).epsilon(1e-4));
-  const CameraModel pasted = read_settings(board(vga, "[source.lens]\n" + lens_file(lens, "pictures"))).lens;
+  const CameraModel pasted = read_settings(board(vga, "[source.lens]\n" + lens_file(lens, "images"))).lens;
   CHECK(pasted.cy == named.cy);
   CHECK_THROWS_WITH_AS(read_settings(board("width_px = 1280\nheight_px = 480\n", "lens = \"lens.toml\"\n")),
-                       doctest::Contains("lens.toml:5: width_px: found 640, expected 1280, the size of the pictures"),
+                       doctest::Contains("lens.toml:5: width_px: found 640, expected 1280, the size of the images"),
                        InputError);
   CHECK_THROWS_WITH_AS(read_settings(board(vga, "lens = \"none.toml\"\n")),
                        doctest::Contains("none.toml: no such file"), InputError);

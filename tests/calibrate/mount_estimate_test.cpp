@@ -4,7 +4,7 @@
 
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
-#include "firmware/settings.h"
+#include "firmware/settings/settings.h"
 #include "hostgen/finger/mount.h"
 #include "hostgen/render/renderer.h"
 #include "tests/model/scratch_folder.h"

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 using namespace finsight::host;
 using Eigen::Index;
@@ -97,11 +97,11 @@ TEST_CASE("contact doubt: it holds the truth 95 times in 100, and grows when the
       const VectorXd goal = strip.measured({{y, force_n}});
       const ContactChoice choice = fewest_contacts(strip.response, goal, {});
       if (choice.force_n.size() != 1) continue;
-      const ContactDoubt doubt = contact_doubts(strip.response, goal, choice)[0];
+      const ContactUncertainty doubt = contact_uncertainties(strip.response, goal, choice)[0];
       ++found;
-      inside += (choice.place_mm.col(0) - Eigen::Vector2d(0, y)).norm() <= doubt.reach_mm;
+      inside += (choice.place_mm.col(0) - Eigen::Vector2d(0, y)).norm() <= doubt.position_95_mm;
       force_inside += doubt.lowest_force_n <= force_n && force_n <= doubt.highest_force_n;
-      mean_reach_mm[weak] += doubt.reach_mm / 300;
+      mean_reach_mm[weak] += doubt.position_95_mm / 300;
     }
     CHECK(found > 250);
     CHECK(inside >= 0.95 * found);
@@ -125,12 +125,12 @@ TEST_CASE("contact choice: two pushes near each other are told apart, although o
 TEST_CASE("contact doubt: the weaker the push, the wider the pressure that it cannot be told from") {
   Strip strip;
   VectorXd goal = 2 * strip.response.at(Eigen::Vector2d(0, 30));
-  const auto spread_mm = [&] {
-    return contact_doubts(strip.response, goal, fewest_contacts(strip.response, goal, {}))[0].spread_mm;
+  const auto extent_95_mm = [&] {
+    return contact_uncertainties(strip.response, goal, fewest_contacts(strip.response, goal, {}))[0].extent_95_mm;
   };
-  const double sharp_mm = spread_mm();
+  const double sharp_mm = extent_95_mm();
   goal *= 0.1;
-  CHECK(spread_mm() > 1.5 * sharp_mm);
+  CHECK(extent_95_mm() > 1.5 * sharp_mm);
 }
 
 TEST_CASE("contact doubt: the spread of an even pressure is within it 95 times in 100, and so is its force") {
@@ -142,9 +142,9 @@ TEST_CASE("contact doubt: the spread of an even pressure is within it 95 times i
     for (int i = 0; i < 9; ++i) goal += 1.0 / 9 * strip.response.at(Eigen::Vector2d(0, y + half_mm * (i - 4) / 4));
     const ContactChoice choice = fewest_contacts(strip.response, goal, {});
     if (choice.force_n.size() != 1) continue;
-    const ContactDoubt doubt = contact_doubts(strip.response, goal, choice)[0];
+    const ContactUncertainty doubt = contact_uncertainties(strip.response, goal, choice)[0];
     ++found;
-    inside += std::abs(choice.place_mm(1, 0) - y) + half_mm <= doubt.spread_mm;
+    inside += std::abs(choice.place_mm(1, 0) - y) + half_mm <= doubt.extent_95_mm;
     force_inside += doubt.lowest_force_n <= 1 && 1 <= doubt.highest_force_n;
   }
   CHECK(found > 200);

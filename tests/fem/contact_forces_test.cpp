@@ -113,8 +113,9 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: one plate of three still finds the p
   const ContactForces one = solver.gauss_newton(measured);
   REQUIRE(all.contacts.size() == 1);
   REQUIRE(one.contacts.size() == 1);
-  CHECK(static_cast<double>((one.contacts[0].point_mm - push[0].point_mm).norm()) <= one.contacts[0].doubt.reach_mm);
-  CHECK(one.contacts[0].doubt.reach_mm > all.contacts[0].doubt.reach_mm);
+  CHECK(static_cast<double>((one.contacts[0].point_mm - push[0].point_mm).norm()) <=
+        one.contacts[0].doubt.position_95_mm);
+  CHECK(one.contacts[0].doubt.position_95_mm > all.contacts[0].doubt.position_95_mm);
 }
 
 TEST_CASE_FIXTURE(Fixture, "contact forces: a weak touch is found wherever it is") {
@@ -127,7 +128,7 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: a weak touch is found wherever it is
       CHECK(found.explained);
       REQUIRE(found.contacts.size() == 1);
       const Contact& contact = found.contacts[0];
-      CHECK(static_cast<double>((contact.point_mm - place).norm()) <= contact.doubt.reach_mm);
+      CHECK(static_cast<double>((contact.point_mm - place).norm()) <= contact.doubt.position_95_mm);
       CHECK(contact.doubt.lowest_force_n <= force_n);
       CHECK(contact.doubt.highest_force_n >= force_n);
     }
@@ -143,7 +144,7 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: a pressure is within the doubt of th
     bool within = false;
     for (const Contact& contact : found.contacts) {
       const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
-      within = within || distance_mm <= std::max(contact.doubt.reach_mm, contact.doubt.spread_mm);
+      within = within || distance_mm <= std::max(contact.doubt.position_95_mm, contact.doubt.extent_95_mm);
     }
     CHECK(within);
   }

@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 #include "tests/fem/box_mesh.h"
 #include "tests/model/scratch_folder.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 #include "tests/fem/box_mesh.h"
 
 using namespace finsight;

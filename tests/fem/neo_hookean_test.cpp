@@ -9,10 +9,10 @@
 
 #include "firmware/shape/simd.h"
 
-using finsight::host::NeoHookean;
-using finsight::host::neo_hookean;
-using finsight::host::NeoHookeanState;
 using Eigen::Matrix3d;
+using finsight::host::neo_hookean;
+using finsight::host::NeoHookean;
+using finsight::host::NeoHookeanState;
 
 namespace {
 

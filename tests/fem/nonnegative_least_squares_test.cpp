@@ -2,7 +2,7 @@
 
 #include <doctest/doctest.h>
 
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 using namespace finsight::host;
 using Eigen::Index;

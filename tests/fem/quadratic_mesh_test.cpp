@@ -5,19 +5,19 @@
 #include "tests/fem/box_mesh.h"
 
 using namespace finsight::host;
+using Eigen::Vector3d;
 using finsight::test::box_mesh;
 using finsight::test::small_finger_mesh;
-using Eigen::Vector3d;
 
 namespace {
 
 const Vector3d& node(const QuadraticMesh& mesh, int index) { return mesh.node_mm[static_cast<std::size_t>(index)]; }
 
 /// A function that quadratic elements represent exactly, and its gradient.
-double field(const Vector3d& x) { return 2 + x.x() - 3 * x.y() + 0.5 * x.x() * x.y() - 0.2 * x.z() * x.z() + x.y() * x.z(); }
-Vector3d field_gradient(const Vector3d& x) {
-  return {1 + 0.5 * x.y(), -3 + 0.5 * x.x() + x.z(), -0.4 * x.z() + x.y()};
+double field(const Vector3d& x) {
+  return 2 + x.x() - 3 * x.y() + 0.5 * x.x() * x.y() - 0.2 * x.z() * x.z() + x.y() * x.z();
 }
+Vector3d field_gradient(const Vector3d& x) { return {1 + 0.5 * x.y(), -3 + 0.5 * x.x() + x.z(), -0.4 * x.z() + x.y()}; }
 
 }  // namespace
 
@@ -54,11 +54,13 @@ TEST_CASE("quadratic_mesh: middle nodes belong to base, plates and front like th
 }
 
 TEST_CASE("quadratic_mesh: gradients of a quadratic field are exact at the Gauss points") {
-  const std::array<Vector3d, 4> corner{Vector3d(1, 2, 0), Vector3d(4, 2.5, 0.3), Vector3d(1.2, 6, 1), Vector3d(2, 3, 5)};
+  const std::array<Vector3d, 4> corner{Vector3d(1, 2, 0), Vector3d(4, 2.5, 0.3), Vector3d(1.2, 6, 1),
+                                       Vector3d(2, 3, 5)};
   std::array<Vector3d, kTetNodes> at;
   std::copy(corner.begin(), corner.end(), at.begin());
   for (std::size_t e = 0; e < kTetEdges.size(); ++e) {
-    at[4 + e] = 0.5 * (corner[static_cast<std::size_t>(kTetEdges[e][0])] + corner[static_cast<std::size_t>(kTetEdges[e][1])]);
+    at[4 + e] =
+        0.5 * (corner[static_cast<std::size_t>(kTetEdges[e][0])] + corner[static_cast<std::size_t>(kTetEdges[e][1])]);
   }
   const TetGradients gradients = tet_gradients(corner);
   CHECK(gradients.volume_mm3 ==
@@ -67,7 +69,8 @@ TEST_CASE("quadratic_mesh: gradients of a quadratic field are exact at the Gauss
   for (std::size_t g = 0; g < kGaussPoints; ++g) {
     // The Gauss point with barycentric coordinates (a, b, b, b).
     Vector3d x = Vector3d::Zero();
-    for (std::size_t a = 0; a < 4; ++a) x += (a == g ? (5 + 3 * std::sqrt(5.0)) / 20 : (5 - std::sqrt(5.0)) / 20) * corner[a];
+    for (std::size_t a = 0; a < 4; ++a)
+      x += (a == g ? (5 + 3 * std::sqrt(5.0)) / 20 : (5 - std::sqrt(5.0)) / 20) * corner[a];
     Vector3d gradient = Vector3d::Zero();
     for (std::size_t a = 0; a < kTetNodes; ++a) gradient += field(at[a]) * gradients.at[g][a];
     CHECK((gradient - field_gradient(x)).norm() < 1e-12);

@@ -12,8 +12,8 @@
 #include <sstream>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
 #include "hostgen/finger/tetgen.h"
+#include "hostgen/util/common.h"
 
 using namespace finsight;
 using namespace finsight::host;

@@ -8,7 +8,7 @@
 #include <set>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 
 using namespace finsight;
 using namespace finsight::host;
@@ -77,7 +77,7 @@ TEST_CASE("spec: plates are ordered top, middle, low and their markers look down
   CHECK(spec.plates[kLowPlate].T_finger_marker.translation().x() == doctest::Approx(-0.75 * inner_half));
 }
 
-TEST_CASE("spec: the camera looks up with its picture's right along finger x") {
+TEST_CASE("spec: the camera looks up with its image's right along finger x") {
   const FingerSpec spec = read_finger_spec(kSrm);
   const Eigen::Matrix3d R = spec.T_finger_camera.linear();
   CHECK(R.col(0).isApprox(Eigen::Vector3d(1, 0, 0)));
@@ -97,7 +97,7 @@ TEST_CASE("spec: a tilted line of sight still gives a rotation, with camera x ne
   CHECK(R.col(0).x() > 0.99);
 }
 
-TEST_CASE("spec: the small picture is the scaled centre of the large one") {
+TEST_CASE("spec: the small image is the scaled centre of the large one") {
   const auto [large, small] = read_finger_spec(kSrm).cameras;
   CHECK(large.width_px == 1280);
   CHECK(small.height_px == 480);

@@ -7,9 +7,9 @@
 #include <sstream>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
 #include "hostgen/finger/mesh.h"
 #include "hostgen/finger/plate_geometry.h"
+#include "hostgen/util/common.h"
 #include "tests/finger/surfaces.h"
 #include "tests/model/scratch_folder.h"
 

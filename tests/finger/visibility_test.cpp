@@ -99,14 +99,14 @@ TEST_CASE("visibility: a camera that looks through a wall is refused") {
   CHECK_MESSAGE(refusal(spec).find("hidden by the ") != std::string::npos, refusal(spec));
 }
 
-TEST_CASE("visibility: a marker at the picture's edge is refused for the picture that cuts it") {
+TEST_CASE("visibility: a marker at the image's edge is refused for the image that cuts it") {
   FingerSpec spec = srm();
   spec.cameras[1].cx = 60;
-  CHECK_MESSAGE(names(refusal(spec), "low", "outside the picture of 640x480"), refusal(spec));
+  CHECK_MESSAGE(names(refusal(spec), "low", "outside the image of 640x480"), refusal(spec));
   spec = srm();
   spec.T_finger_camera.linear().col(1) *= -1;
   spec.T_finger_camera.linear().col(2) *= -1;  // looks down
-  CHECK_MESSAGE(names(refusal(spec), "top", "outside the picture of 1280x720"), refusal(spec));
+  CHECK_MESSAGE(names(refusal(spec), "top", "outside the image of 1280x720"), refusal(spec));
   spec = srm();
   spec.T_finger_camera.translation().y() = 200;
   CHECK_MESSAGE(names(refusal(spec), "top", "turned away"), refusal(spec));
@@ -115,7 +115,7 @@ TEST_CASE("visibility: a marker at the picture's edge is refused for the picture
 TEST_CASE("visibility: points where the distortion folds back do not count as seen") {
   FingerSpec spec = srm();
   for (CameraIntrinsics& camera : spec.cameras) camera.k1 = -6;  // folds back at a radius of 0.24
-  CHECK_MESSAGE(refusal(spec).find("outside the picture") != std::string::npos, refusal(spec));
+  CHECK_MESSAGE(refusal(spec).find("outside the image") != std::string::npos, refusal(spec));
 }
 
 TEST_CASE("visibility: what hides a marker only when the finger is bent is found, with the pose") {

@@ -42,7 +42,7 @@ bool is_regular(std::span<const std::uint8_t> request, std::span<const std::uint
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
   constexpr std::size_t kHeader = 7;
   Control control;
-  Latest<RegisterImage> latest{empty_block()};
+  TripleBuffer<RegisterImage> latest{empty_block()};
   const ClientAccess access{.may_write = true, .address = 1};
   std::size_t at = 0;
   while (at + kHeader < size) {

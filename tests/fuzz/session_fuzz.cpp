@@ -1,5 +1,5 @@
 // libFuzzer target: no bytes make a reader of sessions do anything but succeed or throw InputError. The first byte says
-// what the others are: pictures (frames.y4m), what is known about them (session.toml), recorded motions (CSV).
+// what the others are: images (frames.y4m), what is known about them (session.toml), recorded motions (CSV).
 //   cmake -S . -B build/fuzz -G Ninja -DFINSIGHT_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++
 //   cmake --build build/fuzz --target fuzz_session
 //   build/fuzz/tests/fuzz_session -runs=1000000 NEW_INPUTS_FOLDER tests/fuzz/session_corpus
@@ -14,16 +14,16 @@ namespace {
 
 using namespace finsight;
 
-void read_pictures(const MemoryFile& file) {
-  constexpr int kMost = 20;
+void read_images(const MemoryFile& file) {
+  constexpr int kMax = 20;
   Y4mReader reader(file.path());
   std::vector<std::uint8_t> grey;
-  for (int n = 0; n < kMost && reader.next(grey); ++n) {
+  for (int n = 0; n < kMax && reader.next(grey); ++n) {
     if (grey.size() != static_cast<std::size_t>(reader.width_px()) * static_cast<std::size_t>(reader.height_px()))
       abort();
   }
   reader.rewind();
-  for (int n = 0; n < kMost && reader.skip(); ++n) {
+  for (int n = 0; n < kMax && reader.skip(); ++n) {
   }
 }
 
@@ -47,7 +47,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     const MemoryFile file(bytes + 1, size - 1);
     switch (bytes[0] % 3) {
       case 0:
-        read_pictures(file);
+        read_images(file);
         break;
       case 1:
         read_info(bytes + 1, size - 1);

@@ -25,8 +25,8 @@ TEST_CASE("corner measurement: its errors are as large as the noise that it stat
   Random random(1);
   std::array<double, kPlates> error_sq{}, stated_sq{};
   for (const FemState& state : test::synthetic_dataset().states) {
-    const PlateNumbers truth = touch_sample(state).numbers;
-    PlateNumbers numbers = truth;
+    const PoseVector truth = touch_sample(state).numbers;
+    PoseVector numbers = truth;
     const auto noise = camera.measure({true, true, true}, random, numbers);
     for (int n = 0; n < 18; ++n) {
       const auto k = static_cast<std::size_t>(n);
@@ -44,7 +44,7 @@ TEST_CASE("corner measurement: a plate that is not seen is completed, and stays 
   const CornerMeasurement camera(kSpec, prior().view());
   Random random(2);
   for (const FemState& state : test::synthetic_dataset().states) {
-    PlateNumbers numbers = touch_sample(state).numbers;
+    PoseVector numbers = touch_sample(state).numbers;
     camera.measure({true, false, true}, random, numbers);
     CHECK(numbers.allFinite());
     CHECK((numbers - touch_sample(state).numbers).segment<3>(6).norm() < 8);

@@ -33,7 +33,7 @@ TEST_CASE("plate prior: mean and covariance of all states and their fractions, b
   for (const auto& sample : samples)
     covariance += (sample - mean) * (sample - mean).transpose() / double(samples.size());
   for (int i = 0; i < 18; ++i) covariance(i, i) += i % 6 < 3 ? 0.01 : 2.5e-5;
-  CHECK((Eigen::Map<const PlateNumbers>(prior.mean.data()).cast<double>() - mean).norm() < 1e-5);
+  CHECK((Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>() - mean).norm() < 1e-5);
   CHECK((covariance_of(prior) - covariance).norm() < 1e-5 * covariance.norm());
 }
 
@@ -52,8 +52,8 @@ TEST_CASE("plate prior: a missing plate of a touched finger is completed far bet
   const PlatePriorData prior = fit_plate_prior(dataset, test::synthetic_spec().noise);
   double completed_sq = 0, mean_sq = 0;
   for (const FemState& state : dataset.states) {
-    const PlateNumbers truth = touch_sample(state).numbers;
-    PlateNumbers numbers = truth, nothing_seen = truth;
+    const PoseVector truth = touch_sample(state).numbers;
+    PoseVector numbers = truth, nothing_seen = truth;
     complete_from_prior(prior.view(), {true, false, true}, numbers);
     complete_from_prior(prior.view(), {false, false, false}, nothing_seen);
     completed_sq += double((numbers - truth).squaredNorm());

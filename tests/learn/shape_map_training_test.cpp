@@ -5,7 +5,7 @@
 #include <Eigen/SVD>
 #include <stdexcept>
 
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 using namespace finsight;
 using namespace finsight::host;

@@ -151,7 +151,7 @@ TEST_CASE("touch samples: noise has the spec's deviations along the camera's axe
   Eigen::ArrayXd squares = Eigen::ArrayXd::Zero(18);
   constexpr int kCount = 20000;
   for (int i = 0; i < kCount; ++i) {
-    PlateNumbers numbers = PlateNumbers::Zero();
+    PoseVector numbers = PoseVector::Zero();
     add_noise(noise, random, numbers);
     squares += numbers.cast<double>().array().square() / kCount;
   }
@@ -166,7 +166,7 @@ TEST_CASE("touch samples: one touch in twenty swings, as the square of the heigh
   Random random(3);
   int swings = 0;
   for (int i = 0; i < 2000; ++i) {
-    PlateNumbers numbers = PlateNumbers::Zero();
+    PoseVector numbers = PoseVector::Zero();
     add_swing({100, 50, 20}, random, numbers);
     if (numbers.isZero()) continue;
     ++swings;
@@ -177,7 +177,7 @@ TEST_CASE("touch samples: one touch in twenty swings, as the square of the heigh
     CHECK((numbers[1] == 0 && numbers[4] == 0));
   }
   CHECK(swings == doctest::Approx(100).epsilon(0.25));
-  PlateNumbers numbers = PlateNumbers::Zero();
+  PoseVector numbers = PoseVector::Zero();
   for (int i = 0; i < 100; ++i) add_swing({}, random, numbers);
   CHECK(numbers.isZero());
 }

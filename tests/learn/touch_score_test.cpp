@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "firmware/touch/touch_stage.h"
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 using namespace finsight;
 using namespace finsight::host;

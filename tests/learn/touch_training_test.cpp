@@ -41,7 +41,7 @@ Measured measure(Random& random, const std::array<bool, kPlates>& seen) {
   const double y_mm = random.uniform(spec.touch_y_mm[0], spec.touch_y_mm[1]);
   const double x_mm = random.uniform(-1, 1) * (spec.half_width.at(y_mm) - spec.touch_edge_mm);
   Measured result{test::synthetic_state(x_mm, y_mm, random.uniform(1, 6)), {}};
-  PlateNumbers numbers = touch_sample(result.truth).numbers;
+  PoseVector numbers = touch_sample(result.truth).numbers;
   add_noise(spec.noise, random, numbers);
   complete_from_prior(prior().view(), seen, numbers);
   for (std::size_t p = 0; p < kPlates; ++p) {

@@ -135,7 +135,7 @@ TEST_CASE("registers: a value that is not finite never reaches the block, nor do
     Scene scene = touched_finger();
     scene.touch.force_n = bad;
     CHECK((scene.word(0) & kTouchValid) == 0);
-    CHECK_FALSE(next_limits({true, true, true}, scene.shape, scene.touch, 6.5F, {}).contact);
+    CHECK_FALSE(next_threshold_state({true, true, true}, scene.shape, scene.touch, 6.5F, {}).contact);
     CHECK(scene.word(5) == 0x8000);
     CHECK(scene.word(9) == 65535);
     CHECK(scene.word(26) == 0x7FC0);

@@ -28,12 +28,12 @@ struct TestPrior {
 };
 
 // The textbook formula, with a dense factorisation.
-Eigen::VectorXd conditional_mean(const TestPrior& prior, const std::array<bool, 3>& seen, const PlateNumbers& numbers) {
+Eigen::VectorXd conditional_mean(const TestPrior& prior, const std::array<bool, 3>& seen, const PoseVector& numbers) {
   std::vector<int> known, unknown;
   for (int i = 0; i < 18; ++i) (seen[std::size_t(i / 6)] ? known : unknown).push_back(i);
   const Eigen::MatrixXd covariance =
       Eigen::Map<const Eigen::Matrix<float, 18, 18>>(prior.covariance.data()).cast<double>();
-  const Eigen::VectorXd mean = Eigen::Map<const PlateNumbers>(prior.mean.data()).cast<double>();
+  const Eigen::VectorXd mean = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
   Eigen::VectorXd result = numbers.cast<double>();
   const Eigen::VectorXd deviation = (numbers.cast<double>() - mean)(known);
   result(unknown) =
@@ -41,8 +41,8 @@ Eigen::VectorXd conditional_mean(const TestPrior& prior, const std::array<bool, 
   return result;
 }
 
-PlateNumbers some_numbers() {
-  PlateNumbers numbers;
+PoseVector some_numbers() {
+  PoseVector numbers;
   for (int i = 0; i < 18; ++i) numbers[i] = std::sin(3.0f * float(i)) * (i % 6 < 3 ? 5.0f : 0.1f);
   return numbers;
 }
@@ -53,8 +53,8 @@ TEST_CASE("plate prior: completion equals the dense conditional mean for every s
   const TestPrior prior;
   for (int mask = 1; mask < 8; ++mask) {
     const std::array<bool, 3> seen = {(mask & 1) != 0, (mask & 2) != 0, (mask & 4) != 0};
-    const PlateNumbers given = some_numbers();
-    PlateNumbers numbers = given;
+    const PoseVector given = some_numbers();
+    PoseVector numbers = given;
     complete_from_prior(prior.view(), seen, numbers);
     const Eigen::VectorXd expected = conditional_mean(prior, seen, given);
     CHECK((numbers.cast<double>() - expected).norm() < 1e-5 * (1 + expected.norm()));
@@ -66,9 +66,9 @@ TEST_CASE("plate prior: completion equals the dense conditional mean for every s
 
 TEST_CASE("plate prior: with no plate seen the mean is given") {
   const TestPrior prior;
-  PlateNumbers numbers = some_numbers();
+  PoseVector numbers = some_numbers();
   complete_from_prior(prior.view(), {false, false, false}, numbers);
-  CHECK(numbers == Eigen::Map<const PlateNumbers>(prior.mean.data()));
+  CHECK(numbers == Eigen::Map<const PoseVector>(prior.mean.data()));
 }
 
 TEST_CASE("plate prior: what stands in the unseen places does not matter, and the poses' other fields stay") {
@@ -83,7 +83,7 @@ TEST_CASE("plate prior: what stands in the unseen places does not matter, and th
   spoiled.plates[1].rotation_rad.setConstant(std::numeric_limits<float>::infinity());
   complete_from_prior(prior.view(), poses);
   complete_from_prior(prior.view(), spoiled);
-  CHECK(plate_numbers(poses) == plate_numbers(spoiled));
+  CHECK(pose_vector(poses) == pose_vector(spoiled));
   CHECK(poses.plates[0].displacement_mm == Vec3f(1, 2, 3));
   CHECK(poses.plates[1].displacement_mm.norm() > 0);
   CHECK(poses.seen == std::array<bool, 3>{true, false, true});

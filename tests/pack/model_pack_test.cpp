@@ -3,7 +3,7 @@
 #include <doctest/doctest.h>
 
 #include "firmware/input_error.h"
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 #include "tests/model/scratch_folder.h"
 #include "tests/model/tiny_model.h"
 

@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "hostgen/common.h"
+#include "hostgen/util/common.h"
 #include "tests/model/scratch_folder.h"
 
 using namespace finsight;

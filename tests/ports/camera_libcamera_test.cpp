@@ -1,5 +1,5 @@
-// The camera port with libcamera's own virtual camera, which shows the pictures that tests/system/virtual_camera.py
-// made: run it from there. FINSIGHT_VIRTUAL_FRAMES names the folder with the pictures as 0.pgm, 1.pgm, ...
+// The camera port with libcamera's own virtual camera, which shows the images that tests/system/virtual_camera.py
+// made: run it from there. FINSIGHT_VIRTUAL_FRAMES names the folder with the images as 0.pgm, 1.pgm, ...
 #include <doctest/doctest.h>
 
 #include <chrono>
@@ -22,33 +22,33 @@ LiveCameraSettings settings() {
   return {.name = "Finger0", .width_px = kWidth, .height_px = kHeight, .frames_per_second = 60};
 }
 
-struct Picture {
+struct Image {
   std::vector<std::uint8_t> grey;
 };
 
-std::vector<Picture> pictures() {
+std::vector<Image> images() {
   const char* folder = std::getenv("FINSIGHT_VIRTUAL_FRAMES");
   REQUIRE_MESSAGE(folder, "run by tests/system/virtual_camera.py");
-  std::vector<Picture> result;
+  std::vector<Image> result;
   for (int i = 0; fs::exists(fs::path(folder) / (std::to_string(i) + ".pgm")); ++i) {
     std::ifstream in(fs::path(folder) / (std::to_string(i) + ".pgm"), std::ios::binary);
     std::string magic, width, height, most;
     in >> magic >> width >> height >> most;
     in.get();
-    Picture picture{std::vector<std::uint8_t>(kWidth * kHeight)};
-    in.read(reinterpret_cast<char*>(picture.grey.data()), kWidth * kHeight);
+    Image image{std::vector<std::uint8_t>(kWidth * kHeight)};
+    in.read(reinterpret_cast<char*>(image.grey.data()), kWidth * kHeight);
     REQUIRE(in);
-    result.push_back(std::move(picture));
+    result.push_back(std::move(image));
   }
   return result;
 }
 
 /// Mean difference in grey levels.
-double difference(const Frame& frame, const Picture& picture) {
+double difference(const Frame& frame, const Image& image) {
   long sum = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x)
-      sum += std::abs(frame.grey[y * frame.stride_bytes + x] - picture.grey[y * kWidth + x]);
+      sum += std::abs(frame.grey[y * frame.stride_bytes + x] - image.grey[y * kWidth + x]);
   }
   return static_cast<double>(sum) / (kWidth * kHeight);
 }
@@ -86,8 +86,8 @@ bool says(const std::string& text, const char* part) { return text.find(part) !=
 }  // namespace
 
 TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES") == nullptr)) {
-  TEST_CASE("libcamera: every picture of the camera comes, in its order and grey level for grey level") {
-    const std::vector<Picture> shown = pictures();
+  TEST_CASE("libcamera: every image of the camera comes, in its order and grey level for grey level") {
+    const std::vector<Image> shown = images();
     REQUIRE(shown.size() >= 2);
     const auto camera = open_libcamera(settings());
     std::set<std::size_t> seen;

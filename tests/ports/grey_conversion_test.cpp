@@ -32,7 +32,7 @@ TEST_CASE("grey conversion: formats with a grey plane need none") {
   }
 }
 
-TEST_CASE("grey conversion: compressed and Bayer pictures are not taken for grey ones") {
+TEST_CASE("grey conversion: compressed and Bayer images are not taken for grey ones") {
   for (const char* code : {"MJPG", "RGGB", "BA81", "R10 ", "    "}) CHECK(!grey_layout(fourcc(code)));
 }
 

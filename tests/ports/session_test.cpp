@@ -75,14 +75,14 @@ SessionInfo some_info() {
 TEST_CASE("y4m: what was written is read back, frame by frame, again after rewind, and with skips") {
   const Folder folder;
   const fs::path file = folder.path / "frames.y4m";
-  const auto picture = [](int frame) {
+  const auto image = [](int frame) {
     std::vector<std::uint8_t> grey(7 * 5);
     for (std::size_t i = 0; i < grey.size(); ++i) grey[i] = static_cast<std::uint8_t>(frame * 50 + 3 * i);
     return grey;
   };
   {
     Y4mWriter writer(file, 7, 5, 60);
-    for (int frame = 0; frame < 4; ++frame) writer.write(picture(frame).data());
+    for (int frame = 0; frame < 4; ++frame) writer.write(image(frame).data());
     CHECK_FALSE(fs::exists(file));
     writer.finish();
   }
@@ -99,7 +99,7 @@ TEST_CASE("y4m: what was written is read back, frame by frame, again after rewin
         continue;
       }
       REQUIRE(reader.next(grey));
-      CHECK(grey == picture(frame));
+      CHECK(grey == image(frame));
     }
     CHECK_FALSE((pass == 0 ? reader.next(grey) : reader.skip()));
   }
@@ -246,7 +246,7 @@ TEST_CASE("session.toml: what cannot be a session is refused by name") {
       {"[368.025,", "[-368.025,", "fx_fy_cx_cy"},
       {"[368.025,", "[inf,", "fx_fy_cx_cy"},
       {"[368.025,", "[", "4 numbers"},
-      {"307.815", "640", "a point in the picture"},
+      {"307.815", "640", "a point in the image"},
       {"DICT_4X4_50", "DICT_6X6_250", "DICT_4X4_50"},
       {"[4, 0, 49]", "[4, 0, 50]", "markers.id"},
       {"[4, 0, 49]", "[4, 0, 4]", "three different whole numbers"},

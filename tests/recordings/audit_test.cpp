@@ -72,7 +72,7 @@ TEST_CASE("audit: each fault is found, and said as a problem") {
   CHECK(problem(computed, "truth"));
 }
 
-TEST_CASE("audit: the picture is an SVG") {
+TEST_CASE("audit: the image is an SVG") {
   const std::filesystem::path svg =
       std::filesystem::temp_directory_path() / ("finsight_audit_" + std::to_string(getpid()) + ".svg");
   const RecordedMotion motion = test::synthetic_recordings({}, 1);

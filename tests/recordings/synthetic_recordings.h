@@ -2,7 +2,7 @@
 #pragma once
 
 #include "firmware/ports/session.h"
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 #include "tests/learn/synthetic_finger.h"
 
 namespace finsight::test {

@@ -4,7 +4,7 @@
 
 #include <opencv2/calib3d.hpp>
 
-#include "hostgen/random.h"
+#include "hostgen/util/random.h"
 
 using namespace finsight::host;
 
@@ -67,7 +67,7 @@ TEST_CASE("lens: rays land where OpenCV's projectPoints puts them, and come back
 TEST_CASE("lens: where the distortion turns back there is neither pixel nor ray") {
   const Lens lens(default_camera());
   CHECK(lens.pixel({1.0, 0}));
-  CHECK_FALSE(lens.pixel({1.3, 0}));  // OpenCV would fold this ray back into the picture
+  CHECK_FALSE(lens.pixel({1.3, 0}));  // OpenCV would fold this ray back into the image
   CHECK_FALSE(lens.pixel({1e6, 1e6}));
   CHECK_FALSE(lens.pixel({std::nan(""), 0}));
   CHECK(lens.ray({1000, 365}));
@@ -75,7 +75,7 @@ TEST_CASE("lens: where the distortion turns back there is neither pixel nor ray"
   CHECK_FALSE(lens.ray({std::nan(""), 0}));
 }
 
-TEST_CASE("lens: every pixel of the picture has a ray that leads back to it, or none") {
+TEST_CASE("lens: every pixel of the image has a ray that leads back to it, or none") {
   for (const auto& [k1, k2, k3] : {std::array{-0.3956, 0.2259, -0.0912}, std::array{0.0, 0.0, 0.0}}) {
     CameraIntrinsics camera = default_camera();
     camera.k1 = k1, camera.k2 = k2, camera.k3 = k3;

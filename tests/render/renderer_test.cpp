@@ -15,18 +15,16 @@ using namespace finsight::host;
 namespace {
 
 using Plates = std::array<PlateMotion, kPlates>;
-using Picture = std::vector<std::uint8_t>;
+using Image = std::vector<std::uint8_t>;
 
 FingerSpec default_spec() { return read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml"); }
 
-/// A picture that nothing spoils, on an even background.
-PictureQuality clean() {
-  return {.blur_px = 0, .read_noise = 0, .shot_noise = 0, .vignetting = 0, .light_gradient = 0};
-}
+/// An image that nothing spoils, on an even background.
+ImageQuality clean() { return {.blur_px = 0, .read_noise = 0, .shot_noise = 0, .vignetting = 0, .light_gradient = 0}; }
 
-Picture rendered(const FingerSpec& spec, const CameraIntrinsics& camera, const PictureQuality& quality,
-                 const Plates& plates, std::uint64_t seed = 1) {
-  Picture grey;
+Image rendered(const FingerSpec& spec, const CameraIntrinsics& camera, const ImageQuality& quality,
+               const Plates& plates, std::uint64_t seed = 1) {
+  Image grey;
   Renderer(spec, camera, quality, seed).render(plates, grey);
   return grey;
 }
@@ -64,7 +62,7 @@ Eigen::Vector3d polygon_moments(const std::vector<cv::Point2d>& corners) {
 }
 
 /// Mean of a 3 x 3 patch.
-double grey_at(const Picture& grey, int width_px, const cv::Point2d& pixel) {
+double grey_at(const Image& grey, int width_px, const cv::Point2d& pixel) {
   double sum = 0;
   for (int dy = -1; dy <= 1; ++dy) {
     for (int dx = -1; dx <= 1; ++dx) {
@@ -87,13 +85,13 @@ Plates pushed() {
 TEST_CASE("renderer: every module of every marker has its grey where OpenCV projects it") {
   const FingerSpec spec = default_spec();
   for (const CameraIntrinsics& camera : spec.cameras) {
-    PictureQuality usual = clean();
+    ImageQuality usual = clean();
     usual.blur_px = 0.6;
     usual.read_noise = 1.5;
     usual.shot_noise = 0.15;
     Renderer sharp_renderer(spec, camera, clean(), 1), noisy_renderer(spec, camera, usual, 1);
     for (const Plates& plates : {Plates{}, pushed()}) {
-      Picture sharp, noisy;
+      Image sharp, noisy;
       sharp_renderer.render(plates, sharp);
       noisy_renderer.render(plates, noisy);
       for (int plate = 0; plate < kPlates; ++plate) {
@@ -122,7 +120,7 @@ TEST_CASE("renderer: a plate's area and centroid are those of its projected outl
   const CameraIntrinsics& camera = spec.cameras[0];
   spec.plates[kMiddlePlate].across = {0, 1e-9};  // only the low plate is left: the nearest, far off the axis
   spec.plates[kTopPlate].across = {0, 1e-9};
-  PictureQuality white_on_black = clean();
+  ImageQuality white_on_black = clean();
   white_on_black.white = white_on_black.black = white_on_black.plate = 200;
   white_on_black.background = 0;
   const double y_mm = spec.plates[kLowPlate].T_finger_marker.translation().y();
@@ -149,7 +147,7 @@ TEST_CASE("renderer: a plate's area and centroid are those of its projected outl
     for (const PlateMotion& motion : motions) {
       Plates plates;
       plates[kLowPlate] = motion;
-      Picture grey;
+      Image grey;
       renderer.render(plates, grey);
       Eigen::Vector3d found = Eigen::Vector3d::Zero();
       for (int y = 0, i = 0; y < camera.height_px; ++y) {
@@ -164,11 +162,11 @@ TEST_CASE("renderer: a plate's area and centroid are those of its projected outl
   }
 }
 
-TEST_CASE("renderer: the same seed gives the same bytes, another seed or the next picture other noise") {
+TEST_CASE("renderer: the same seed gives the same bytes, another seed or the next image other noise") {
   const FingerSpec spec = default_spec();
   const CameraIntrinsics& camera = spec.cameras[1];
   Renderer one(spec, camera, {}, 7), same(spec, camera, {}, 7), other(spec, camera, {}, 8);
-  Picture first, first_again, second, second_again, different;
+  Image first, first_again, second, second_again, different;
   one.render(pushed(), first);
   one.render(pushed(), second);
   same.render(pushed(), first_again);
@@ -183,12 +181,12 @@ TEST_CASE("renderer: the same seed gives the same bytes, another seed or the nex
 TEST_CASE("renderer: noise has the stated size, mean zero, and no two pixels alike") {
   FingerSpec spec = default_spec();
   const CameraIntrinsics& camera = spec.cameras[1];
-  PictureQuality quality = clean();
+  ImageQuality quality = clean();
   quality.read_noise = 3;
   quality.shot_noise = 0.4;
   Renderer noisy(spec, camera, quality, 3);
-  const Picture truth = rendered(spec, camera, clean(), {}, 3);
-  Picture grey;
+  const Image truth = rendered(spec, camera, clean(), {}, 3);
+  Image grey;
   noisy.render(std::array<PlateMotion, kPlates>{}, grey);
   double sum = 0, sum_sq = 0, neighbours = 0, expected_sq = 0;
   const auto error = [&](std::size_t i) { return static_cast<double>(grey[i]) - truth[i]; };
@@ -196,7 +194,7 @@ TEST_CASE("renderer: noise has the stated size, mean zero, and no two pixels ali
     sum += error(i);
     sum_sq += error(i) * error(i);
     neighbours += error(i) * error(i + 1);
-    expected_sq += 9 + 0.16 * truth[i] + 1.0 / 6;  // both pictures are rounded
+    expected_sq += 9 + 0.16 * truth[i] + 1.0 / 6;  // both images are rounded
   }
   const double count = static_cast<double>(grey.size());
   CHECK(std::abs(sum / count) < 0.05);
@@ -207,10 +205,10 @@ TEST_CASE("renderer: noise has the stated size, mean zero, and no two pixels ali
 TEST_CASE("renderer: the light falls off towards the corners and from right to left") {
   const FingerSpec spec = default_spec();
   const CameraIntrinsics& camera = spec.cameras[0];
-  PictureQuality quality = clean();
+  ImageQuality quality = clean();
   quality.vignetting = 0.35;
   quality.light_gradient = 0.25;
-  const Picture lit = rendered(spec, camera, quality, {}), even = rendered(spec, camera, clean(), {});
+  const Image lit = rendered(spec, camera, quality, {}), even = rendered(spec, camera, clean(), {});
   const auto share = [&](int x, int y) {
     const cv::Point2d pixel(x, y);
     return grey_at(lit, camera.width_px, pixel) / grey_at(even, camera.width_px, pixel);
@@ -230,7 +228,7 @@ TEST_CASE("renderer: the nearer plate covers the farther one, whichever comes fi
   const Eigen::Vector3d low = spec.plates[kLowPlate].T_finger_marker.translation();
   const Eigen::Vector3d top = spec.plates[kTopPlate].T_finger_marker.translation();
   plates[kTopPlate].displacement_mm = (eye + 1.3 * (low - eye) - top).cast<float>();
-  const Picture grey = rendered(spec, camera, clean(), plates);
+  const Image grey = rendered(spec, camera, clean(), plates);
   const double module_mm = spec.marker_size_mm / 6;
   const auto modules = marker_modules(spec.plates[kLowPlate].marker_id);
   for (int i = 0; i < 36; ++i) {
@@ -247,11 +245,11 @@ TEST_CASE("renderer: plates that cannot be seen leave the background as it is") 
   const std::vector<PlateMotion> unseen = {{Vec3f(0, -300, 0), Vec3f::Zero()},        // behind the camera
                                            {Vec3f(0, 0, 0), Vec3f(half_turn, 0, 0)},  // from behind
                                            {Vec3f(3000, 0, 0), Vec3f::Zero()},        // far beside
-                                           {Vec3f(-80, 0, 0), Vec3f::Zero()}};        // beside the picture
+                                           {Vec3f(-80, 0, 0), Vec3f::Zero()}};        // beside the image
   Plates away;
   away.fill(unseen[0]);
   Renderer renderer(spec, camera, clean(), 1);
-  Picture empty, grey;
+  Image empty, grey;
   renderer.render(away, empty);
   const auto [darkest, brightest] = std::minmax_element(empty.begin(), empty.end());
   CHECK(*darkest > 40);
@@ -276,8 +274,8 @@ TEST_CASE("renderer: an exposure is the mean of its scenes") {
   const CameraIntrinsics& camera = spec.cameras[1];
   Renderer::Scene first, second;
   second.plates[kTopPlate].displacement_mm = {3, 0, 1};
-  const Picture a = rendered(spec, camera, clean(), first.plates), b = rendered(spec, camera, clean(), second.plates);
-  Picture both;
+  const Image a = rendered(spec, camera, clean(), first.plates), b = rendered(spec, camera, clean(), second.plates);
+  Image both;
   const std::array<Renderer::Scene, 2> scenes = {first, second};
   Renderer(spec, camera, clean(), 1).render(scenes, both);
   int largest = 0, changed = 0;
@@ -293,7 +291,7 @@ TEST_CASE("renderer: a covered plate is not drawn, and a light that is off leave
   const FingerSpec spec = default_spec();
   Renderer::Scene scene;
   scene.covered = {true, true, true};
-  Picture grey;
+  Image grey;
   Renderer(spec, spec.cameras[1], clean(), 1).render({&scene, 1}, grey);
   CHECK(*std::max_element(grey.begin(), grey.end()) < 100);  // nothing but the finger's inside
   scene = {};
@@ -305,12 +303,12 @@ TEST_CASE("renderer: a covered plate is not drawn, and a light that is off leave
 TEST_CASE("renderer: a plate out of focus has softer edges than one that is in focus") {
   const FingerSpec spec = default_spec();
   const auto steepest = [&](double focus_mm) {
-    PictureQuality quality = clean();
+    ImageQuality quality = clean();
     quality.defocus_px = 4;
     quality.focus_mm = focus_mm;
     Renderer::Scene scene;
     scene.covered = {true, true, false};
-    Picture grey;
+    Image grey;
     Renderer(spec, spec.cameras[1], quality, 1).render({&scene, 1}, grey);
     int most = 0;
     for (std::size_t i = 0; i + 1 < grey.size(); ++i) most = std::max(most, std::abs(int{grey[i + 1]} - int{grey[i]}));

@@ -4,7 +4,7 @@
 
 #include <Eigen/Dense>
 
-#include "hostgen/report/second_order.h"
+#include "hostgen/bench/second_order.h"
 #include "tests/shape/frame_mesh.h"
 
 using namespace finsight;

@@ -9,8 +9,8 @@
 #include "hostgen/fem/shape_model.h"
 #include "hostgen/finger/mesh.h"
 #include "hostgen/finger/mount.h"
-#include "hostgen/report/hard_motions.h"
-#include "hostgen/report/shape_distance.h"
+#include "hostgen/hard_cases/hard_motions.h"
+#include "hostgen/hard_cases/shape_distance.h"
 #include "tests/count_allocations.h"
 #include "tests/shape/finger_motion.h"
 #include "tests/shape/frame_mesh.h"
@@ -143,7 +143,7 @@ TEST_CASE("newton: jumps from rest to the extreme and back split their motion an
   for (int frame = 0; frame < 40; ++frame) {
     const Bend bend = frame / 5 % 2 == 0 ? Bend{frame % 3 == 0 ? -30.0 : 30.0, 0, 45} : Bend{};
     const auto outcome = solver.solve(bend.poses(f.mount), 1, 1);
-    CHECK(outcome.steps <= 2 * NewtonSolver<float>::kMostFactorisations);
+    CHECK(outcome.steps <= 2 * NewtonSolver<float>::kMaxFactorisations);
     CHECK(solver.smallest_determinant() > 0);
   }
 }
@@ -242,7 +242,7 @@ TEST_CASE("newton: one solve carries no plate further than its bounded steps, an
   const Finger& f = small_finger();
   const RigidPlates plates(f.model(), f.mount);
   NewtonSolver<float> solver(f.model(), f.mount);
-  const double most_mm = NewtonSolver<float>::kMostFactorisations * solver.plate_step_mm();
+  const double most_mm = NewtonSolver<float>::kMaxFactorisations * solver.plate_step_mm();
   const PlatePoses far = Bend{60, 0, 0}.poses(f.mount);
   CHECK(solver.is_jump(Bend{}.poses(f.mount), far));
   CHECK_FALSE(solver.is_jump(far, far));
@@ -250,7 +250,7 @@ TEST_CASE("newton: one solve carries no plate further than its bounded steps, an
   int frames = 0;
   for (bool ok = false; !ok && frames < 10; ++frames) {
     const auto outcome = solver.solve(far, 1, 1);
-    CHECK(outcome.steps <= NewtonSolver<float>::kMostFactorisations + 1);
+    CHECK(outcome.steps <= NewtonSolver<float>::kMaxFactorisations + 1);
     const double left_mm = largest_plate_gap(f, solver, far);
     CHECK(gap_mm - left_mm <= most_mm + 1e-3);
     gap_mm = left_mm;

@@ -254,7 +254,7 @@ TEST_CASE("shape stage: a map that turns elements inside out never goes out, in 
   weights[0] = 1;  // at rest already
   for (std::size_t i = 0; i < basis.size(); i += 2) basis[i] += 30;
   const ShapeMapModel map{1, f.scale, weights, basis};
-  ShapeMap(map, f.data.view()).evaluate(plate_numbers(slope(2)), raw);
+  ShapeMap(map, f.data.view()).evaluate(pose_vector(slope(2)), raw);
   REQUIRE(elements.smallest_determinant(raw) < 0);
   for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
     ShapeStage stage(f.data.view(), map, f.mount, {.tier = tier});

@@ -7,7 +7,7 @@
 #include "firmware/input_error.h"
 #include "firmware/shape/newton.h"
 #include "hostgen/fem/shape_model.h"
-#include "hostgen/report/shape_distance.h"
+#include "hostgen/hard_cases/shape_distance.h"
 #include "tests/count_allocations.h"
 #include "tests/shape/finger_motion.h"
 #include "tests/shape/frame_mesh.h"

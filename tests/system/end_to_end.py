@@ -155,11 +155,11 @@ class Calibration(unittest.TestCase):
             answer = run(BINARIES / "hostgen", "calibrate", folder, "-o", Path(folder) / "lens.toml")
             self.assertEqual(answer.returncode, 2)
             self.assertRegex(answer.stdout, r"board\.png +54 .*used")
-            self.assertIn("usable pictures: found 1 of 1, expected at least 6", answer.stderr)
+            self.assertIn("usable images: found 1 of 1, expected at least 6", answer.stderr)
             self.assertFalse((Path(folder) / "lens.toml").exists())
 
     def test_usage_errors(self):
-        for words, part in ((("calibrate",), "a folder of pictures"), (("calibrate", "/nowhere", "-o", "x"), "no folder"),
+        for words, part in ((("calibrate",), "a folder of images"), (("calibrate", "/nowhere", "-o", "x"), "no folder"),
                             (("calibrate", "--print-board", "board.pdf"), ".svg or .png"),
                             (("calibrate", "--print-board", "b.svg", "--squares", "8x6"), "an odd number"),
                             (("calibrate", "--print-board", "b.svg", "--squares", "8"), "columns and rows")):

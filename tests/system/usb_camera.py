@@ -1,11 +1,11 @@
 #!/usr/bin/python3
-"""A USB camera for an emulated machine: shows a session's grey pictures in a loop, can be plugged in and pulled out.
+"""A USB camera for an emulated machine: shows a session's grey images in a loop, can be plugged in and pulled out.
 
 usage: tests/system/usb_camera.py SOCKET SESSION [--fps N]
   SOCKET    of a QEMU with: -device qemu-xhci -chardev socket,id=camera,path=SOCKET,server=on,wait=off
                             -device usb-redir,chardev=camera
   SESSION   folder with frames.y4m (Cmono)
-  --fps N   pictures per second (default 20)
+  --fps N   images per second (default 20)
 Stays plugged in until Ctrl-C or until the machine is switched off. Exit codes: 0 done, 1 no machine, 2 wrong arguments
 
 To the guest this is a camera like any other; its own drivers talk to it. Two protocols are spoken here:
@@ -18,9 +18,9 @@ and reset. The other end must know 64-bit ids and 32-bit lengths, as every QEMU 
 
 USB video class 1.0: a camera terminal, an output terminal, and one stream of 8-bit grey (Y800) in one size at one rate
 over a bulk endpoint. Whatever the guest proposes, it gets this mode; its "commit" starts a stream, its transfers take
-the pictures. Each transfer carries one payload: two bytes of header (which of two alternating pictures, and whether
-this is its end), then pixels. A guest that takes its transfers late gets the same pictures later and misses none, so
-that the guest's own frame counter says which picture it sees.
+the images. Each transfer carries one payload: two bytes of header (which of two alternating images, and whether
+this is its end), then pixels. A guest that takes its transfers late gets the same images later and misses none, so
+that the guest's own frame counter says which image it sees.
 """
 import argparse
 import collections
@@ -56,21 +56,21 @@ PAYLOAD = 16384
 END_OF_HEADER, END_OF_PICTURE = 0x80, 0x02
 
 
-def read_pictures(session):
-    """Width, height and the grey pictures of a session."""
+def read_images(session):
+    """Width, height and the grey images of a session."""
     data = memoryview((Path(session) / "frames.y4m").read_bytes())
     header = bytes(data[:1024]).split(b"\n", 1)[0]
     fields = {word[:1]: word[1:] for word in header.split()[1:]}
     width, height = int(fields[b"W"]), int(fields[b"H"])
-    assert fields[b"C"] == b"mono", f"{session}: grey pictures (Cmono) are expected"
-    pictures, mark = [], b"FRAME\n"
+    assert fields[b"C"] == b"mono", f"{session}: grey images (Cmono) are expected"
+    images, mark = [], b"FRAME\n"
     at = len(header) + 1
     while at < len(data):
         assert data[at:at + len(mark)] == mark, f"{session}: no frame at byte {at}"
         at += len(mark)
-        pictures.append(data[at:at + width * height])
+        images.append(data[at:at + width * height])
         at += width * height
-    return width, height, pictures
+    return width, height, images
 
 
 def descriptor(layout, *fields):
@@ -114,7 +114,7 @@ class UsbCamera:
 
     def __init__(self, socket_path, session, fps):
         self.path, self.fps = str(socket_path), fps
-        width, height, self.pictures = read_pictures(session)
+        width, height, self.images = read_images(session)
         self.mode = mode(width, height, fps)
         self.descriptors = {(1, 0): device_descriptor(), (2, 0): configuration_descriptor(width, height, fps),
                             (3, 0): descriptor("BH", 3, 0x0409),
@@ -165,7 +165,7 @@ class UsbCamera:
                     if not part:
                         return
                     received = self.answer_all(received + part)
-                self.send_pictures()
+                self.send_images()
         except ConnectionError:  # switched off, or unplugged
             return
 
@@ -237,7 +237,7 @@ class UsbCamera:
             return self.descriptors.get((value >> 8, value & 255))
         if kind == 0x80 and request == 0:  # status: powered by the bus
             return b"\0\0"
-        if kind == 0x02 and request == 1:  # clear halt: how Linux says that it wants no more pictures
+        if kind == 0x02 and request == 1:  # clear halt: how Linux says that it wants no more images
             return b""
         if kind & 0x7F == 0x21 and index & 255 == STREAM_INTERFACE and value >> 8 in (PROBE, COMMIT):
             if request == SET_CURRENT:
@@ -254,14 +254,14 @@ class UsbCamera:
         """How long there is nothing to send: for ever when nobody waits for pixels."""
         return max(0.0, self.due - time.monotonic()) if self.waiting else None
 
-    def send_pictures(self):
-        """As many payloads as there are transfers for; between two pictures none before the next is due."""
+    def send_images(self):
+        """As many payloads as there are transfers for; between two images none before the next is due."""
         while self.waiting and (self.sent or time.monotonic() >= self.due):
             packet_id, room = self.waiting.popleft()
-            picture = self.pictures[self.shown % len(self.pictures)]
-            part = picture[self.sent:self.sent + min(room, PAYLOAD) - 2]
+            image = self.images[self.shown % len(self.images)]
+            part = image[self.sent:self.sent + min(room, PAYLOAD) - 2]
             self.sent += len(part)
-            last = self.sent == len(picture)
+            last = self.sent == len(image)
             bits = END_OF_HEADER | (self.shown & 1) | (END_OF_PICTURE if last else 0)
             self.finish_transfer(packet_id, bytes([2, bits]) + part)
             if last:

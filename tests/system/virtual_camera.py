@@ -15,12 +15,12 @@ import unittest
 
 import end_to_end
 from end_to_end import BINARIES, PACK, SOURCE, SPEC, WORK
-from usb_camera import read_pictures
+from usb_camera import read_images
 from virtual_frames import SIZE, YAML, pgm, write_frames, write_session
 
 TRIXIE = SOURCE / "build" / "amd64-trixie"
 FRAMES = WORK / "virtual-camera"    # the camera's JPEGs,
-PICTURES = WORK / "virtual-pictures"  # what it makes of them,
+PICTURES = WORK / "virtual-images"  # what it makes of them,
 SESSION = WORK / "virtual-session"    # and as a session
 CHOSEN = (0, 70, 110, 150)  # of the rendered frames
 SKIPPED = 77
@@ -37,12 +37,12 @@ def make_frames():
     """Four rendered frames as the camera's JPEGs (it takes nothing else), and what it makes of them: PGMs, a session."""
     rendered = WORK / "virtual-rendered"
     run(BINARIES / "hostgen", "render", SPEC, "-o", rendered, "--seconds", 3)
-    width, height, pictures = read_pictures(rendered)
+    width, height, images = read_images(rendered)
     assert (width, height) == SIZE
     for folder in (FRAMES, PICTURES):
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
-    shown = write_frames(FRAMES, [bytes(pictures[k]) for k in CHOSEN])
+    shown = write_frames(FRAMES, [bytes(images[k]) for k in CHOSEN])
     for k, pixels in enumerate(shown):
         (PICTURES / f"{k}.pgm").write_bytes(pgm(pixels))
     write_session(SESSION, rendered, shown * 2)  # the second time with all that the first has left behind
@@ -121,7 +121,7 @@ class VirtualCamera(unittest.TestCase):
             nearest = min(range(len(expected)), key=lambda k: distances[k])
             self.assertLessEqual(distances[nearest], 5, "counts")
             seen.add(nearest)
-        self.assertEqual(seen, set(range(len(CHOSEN))), "every picture was shown")
+        self.assertEqual(seen, set(range(len(CHOSEN))), "every image was shown")
         print(f"{len(frames)} frames of the camera, all as replayed")
 
 

@@ -22,11 +22,11 @@ def pgm(pixels):
     return b"P5\n%d %d\n255\n" % SIZE + bytes(pixels)
 
 
-def write_frames(folder, pictures):
-    """0.jpg, 1.jpg, ... of grey pictures. What the camera makes of them: its decoder (libyuv's) takes the fast inverse
+def write_frames(folder, images):
+    """0.jpg, 1.jpg, ... of grey images. What the camera makes of them: its decoder (libyuv's) takes the fast inverse
     cosine transform, which changes half of the grey levels by one or two, and a tilt by tenths of a degree."""
     shown = []
-    for number, pixels in enumerate(pictures):
+    for number, pixels in enumerate(images):
         jpeg = subprocess.run(["cjpeg", "-quality", "100", "-grayscale"], input=pgm(pixels), stdout=subprocess.PIPE,
                               check=True).stdout
         (folder / f"{number}.jpg").write_bytes(jpeg)
@@ -36,10 +36,10 @@ def write_frames(folder, pictures):
     return shown
 
 
-def write_session(folder, like, pictures):
-    """A session of these pictures, otherwise like the session `like`."""
+def write_session(folder, like, images):
+    """A session of these images, otherwise like the session `like`."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     header = (like / "frames.y4m").read_bytes().split(b"\n", 1)[0] + b"\n"
-    (folder / "frames.y4m").write_bytes(header + b"".join(b"FRAME\n" + bytes(pixels) for pixels in pictures))
+    (folder / "frames.y4m").write_bytes(header + b"".join(b"FRAME\n" + bytes(pixels) for pixels in images))
     shutil.copy(like / "session.toml", folder)

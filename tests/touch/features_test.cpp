@@ -21,8 +21,8 @@ struct PlainModel {
   }
 };
 
-PlateNumbers some_numbers() {
-  PlateNumbers numbers;
+PoseVector some_numbers() {
+  PoseVector numbers;
   for (int i = 0; i < 18; ++i) numbers[i] = std::sin(1.0f + float(i));
   return numbers;
 }
@@ -50,7 +50,7 @@ TEST_CASE("features: the direction has length one, the size and the noise are lo
 TEST_CASE("features: at rest they are finite") {
   const PlainModel plain;
   std::array<float, TouchModel::kInputs> inputs;
-  touch_features(plain.model, PlateNumbers::Zero(), {1, 1, 1}, inputs);
+  touch_features(plain.model, PoseVector::Zero(), {1, 1, 1}, inputs);
   for (std::size_t i = 0; i < 18; ++i) CHECK(inputs[i] == 0);
   CHECK(double(inputs[18]) == doctest::Approx(std::log(1e-3)));
 }
@@ -62,7 +62,7 @@ TEST_CASE("features: scale acts before the direction, mean and input scale after
   plain.model.scale = scale;
   plain.model.input_mean = mean;
   plain.model.input_scale = factor;
-  PlateNumbers numbers = PlateNumbers::Zero();
+  PoseVector numbers = PoseVector::Zero();
   numbers[0] = 3;
   numbers[3] = 0.2f;  // scaled 4: the direction is 0.6, 0.8
   std::array<float, TouchModel::kInputs> inputs;
@@ -76,5 +76,5 @@ TEST_CASE("features: unseen plates have their own noise, others stay within what
   PlatePoses poses;
   poses.seen = {true, false, true};
   poses.noise = {1e-6f, 1, 1e6f};
-  CHECK(noise_of(poses) == std::array{kLeastNoise, kUnseenNoise, kMostNoise});
+  CHECK(noise_of(poses) == std::array{kMinNoise, kUnseenNoise, kMaxNoise});
 }

@@ -11,7 +11,7 @@ using namespace finsight::test;
 
 namespace {
 
-/// Squares of 35 ... 80 pixels anywhere in the picture, turned at will and tilted by `tilt_rad`.
+/// Squares of 35 ... 80 pixels anywhere in the image, turned at will and tilted by `tilt_rad`.
 PaintedMarker random_marker(Random& random, const CameraModel& camera, double tilt_rad) {
   const double side_px = random.uniform(35, 80), z = 8 * camera.fx / side_px;
   const double angle = random.uniform(-3.14, 3.14);
@@ -73,9 +73,9 @@ TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better t
         const PaintedMarker marker = random_marker(random, camera, tilt_rad);
         Paint paint;
         paint.blur_px = blur_px;
-        Picture picture(camera, paint);
-        picture.add(marker);
-        std::vector<std::uint8_t> grey = picture.develop(static_cast<std::uint64_t>(i));
+        Image image(camera, paint);
+        image.add(marker);
+        std::vector<std::uint8_t> grey = image.develop(static_cast<std::uint64_t>(i));
         const std::array<Vec2f, 4> truth = true_corners(camera, marker), start = shifted(truth, random, 1.5);
         std::array<Vec2f, 4> corners = start;
         REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
@@ -98,9 +98,9 @@ TEST_CASE("corners: exact to 0.02 pixels without noise, where the lens bends the
   paint.read_noise = paint.shot_noise = paint.light_gradient = 0;
   PaintedMarker marker;
   marker.T_camera_marker = Eigen::Translation3d(-45, -20, 70) * Eigen::AngleAxisd(3.1, Eigen::Vector3d::UnitX());
-  Picture picture(camera, paint);
-  picture.add(marker);
-  const std::vector<std::uint8_t> grey = picture.develop(0);
+  Image image(camera, paint);
+  image.add(marker);
+  const std::vector<std::uint8_t> grey = image.develop(0);
   const std::array<Vec2f, 4> truth = true_corners(camera, marker);
   std::array<Vec2f, 4> corners = truth;
   for (Vec2f& corner : corners) corner += Vec2f(1, -1);
@@ -113,9 +113,9 @@ TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
   PaintedMarker marker;
   marker.T_camera_marker =
       Eigen::Translation3d(0, 0, 70) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
-  Picture picture(camera, Paint{});
-  picture.add(marker);
-  std::vector<std::uint8_t> grey = picture.develop(5);
+  Image image(camera, Paint{});
+  image.add(marker);
+  std::vector<std::uint8_t> grey = image.develop(5);
   const std::array<Vec2f, 4> truth = true_corners(camera, marker);
   const int y = static_cast<int>(truth[0].y());
   const int x = static_cast<int>(truth[0].x() + 0.5F * (truth[1].x() - truth[0].x()));
@@ -132,16 +132,16 @@ TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
 TEST_CASE("corners: no edges, no corners") {
   const CameraModel camera = camera_640x480();
   const std::vector<std::uint8_t> flat(640 * 480, 120);
-  const GreyView picture{flat.data(), 640, 480, 640};
+  const ImageView image{flat.data(), 640, 480, 640};
   const std::array<Vec2f, 4> square{Vec2f(100, 100), Vec2f(150, 100), Vec2f(150, 150), Vec2f(100, 150)};
   std::array<Vec2f, 4> corners = square;
-  CHECK(!refine_corners(picture, camera, corners));
+  CHECK(!refine_corners(image, camera, corners));
   CHECK(corners == square);
 
-  corners = {Vec2f(-20, -20), Vec2f(30, -20), Vec2f(30, 30), Vec2f(-20, 30)};  // reaches out of the picture
-  CHECK(!refine_corners(picture, camera, corners));
+  corners = {Vec2f(-20, -20), Vec2f(30, -20), Vec2f(30, 30), Vec2f(-20, 30)};  // reaches out of the image
+  CHECK(!refine_corners(image, camera, corners));
   corners.fill(Vec2f(100, 100));  // no area
-  CHECK(!refine_corners(picture, camera, corners));
+  CHECK(!refine_corners(image, camera, corners));
   corners.fill(Vec2f::Constant(std::nanf("")));
-  CHECK(!refine_corners(picture, camera, corners));
+  CHECK(!refine_corners(image, camera, corners));
 }

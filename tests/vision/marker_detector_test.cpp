@@ -37,7 +37,7 @@ Paint quick_paint() {
   return paint;
 }
 
-GreyView view(const CameraModel& camera, const std::vector<std::uint8_t>& grey) {
+ImageView view(const CameraModel& camera, const std::vector<std::uint8_t>& grey) {
   return {grey.data(), camera.width_px, camera.height_px, camera.width_px};
 }
 
@@ -63,9 +63,9 @@ TEST_CASE("detector: every marker of the dictionary is read back, its corners in
   const CameraModel camera = small_camera(48);
   MarkerDetector detector;
   for (int id = 0; id < kDictionaryMarkers; ++id) {
-    Picture picture(camera, quick_paint());
-    picture.add(upright(id));
-    const std::vector<std::uint8_t> grey = picture.develop(static_cast<std::uint64_t>(id));
+    Image image(camera, quick_paint());
+    image.add(upright(id));
+    const std::vector<std::uint8_t> grey = image.develop(static_cast<std::uint64_t>(id));
     for (const int shrink : {1, 2}) {
       const std::vector<FoundMarker>& found = detector.find(view(camera, grey), shrink, kSides);
       REQUIRE(found.size() == 1);
@@ -84,9 +84,9 @@ TEST_CASE("detector: a code with one wrong bit is nobody's") {
   for (int bit = 0; bit < 16; ++bit) {
     std::array<std::uint8_t, 36> modules = marker_modules(7);
     modules[static_cast<std::size_t>((bit / 4 + 1) * 6 + bit % 4 + 1)] ^= 1;
-    Picture picture(camera, quick_paint());
-    picture.add(upright(7), modules);
-    CHECK(detector.find(view(camera, picture.develop(1)), 1, kSides).empty());
+    Image image(camera, quick_paint());
+    image.add(upright(7), modules);
+    CHECK(detector.find(view(camera, image.develop(1)), 1, kSides).empty());
   }
 }
 
@@ -94,19 +94,19 @@ TEST_CASE("detector: an inverted marker is none") {
   const CameraModel camera = small_camera(48);
   std::array<std::uint8_t, 36> modules = marker_modules(7);
   for (std::uint8_t& module : modules) module ^= 1;
-  Picture picture(camera, quick_paint());
-  picture.add(upright(7), modules);
+  Image image(camera, quick_paint());
+  image.add(upright(7), modules);
   MarkerDetector detector;
-  CHECK(detector.find(view(camera, picture.develop(1)), 1, kSides).empty());
+  CHECK(detector.find(view(camera, image.develop(1)), 1, kSides).empty());
 }
 
 TEST_CASE("detector: the same id at two places is listed twice, one print once") {
   const CameraModel camera = small_camera(40);
-  Picture picture(camera, quick_paint());
-  picture.add(upright(5, -7));
-  picture.add(upright(5, 7));
+  Image image(camera, quick_paint());
+  image.add(upright(5, -7));
+  image.add(upright(5, 7));
   MarkerDetector detector;
-  const std::vector<FoundMarker>& found = detector.find(view(camera, picture.develop(1)), 1, kSides);
+  const std::vector<FoundMarker>& found = detector.find(view(camera, image.develop(1)), 1, kSides);
   REQUIRE(found.size() == 2);
   CHECK(found[0].id == 5);
   CHECK(found[1].id == 5);
@@ -114,9 +114,9 @@ TEST_CASE("detector: the same id at two places is listed twice, one print once")
 
 TEST_CASE("detector: squares outside the limits are not looked at") {
   const CameraModel camera = small_camera(48);
-  Picture picture(camera, quick_paint());
-  picture.add(upright(7));
-  const std::vector<std::uint8_t> grey = picture.develop(1);
+  Image image(camera, quick_paint());
+  image.add(upright(7));
+  const std::vector<std::uint8_t> grey = image.develop(1);
   MarkerDetector detector;
   CHECK(detector.find(view(camera, grey), 1, {60, 120}).empty());
   CHECK(detector.find(view(camera, grey), 1, {10, 36}).empty());
@@ -143,9 +143,9 @@ TEST_CASE("detector: finds what OpenCV's own finds, and nothing else, in noise a
     PaintedMarker marker = upright(n % kDictionaryMarkers);
     const Eigen::Vector3d axis = Eigen::Vector3d(random.normal(), random.normal(), 3 * random.normal()).normalized();
     marker.T_camera_marker.rotate(Eigen::AngleAxisd(random.uniform(0, 0.7), axis));
-    Picture picture(camera, paint);
-    picture.add(marker);
-    const std::vector<std::uint8_t> grey = picture.develop(static_cast<std::uint64_t>(n));
+    Image image(camera, paint);
+    image.add(marker);
+    const std::vector<std::uint8_t> grey = image.develop(static_cast<std::uint64_t>(n));
     const std::vector<FoundMarker>& found = detector.find(view(camera, grey), 1, kSides);
     REQUIRE(found.size() <= 1);
     theirs += ids_by_opencv(camera, grey) == std::vector{marker.id};
@@ -175,9 +175,9 @@ TEST_CASE("detector: noise has no squares worth reading") {
 
 TEST_CASE("detector: of more squares than it may read it reads the largest") {
   CameraModel camera = small_camera(60);
-  Picture picture(camera, quick_paint());
-  picture.add(upright(7));
-  std::vector<std::uint8_t> grey = picture.develop(1);
+  Image image(camera, quick_paint());
+  image.add(upright(7));
+  std::vector<std::uint8_t> grey = image.develop(1);
   for (int row = 0; row < 160; row += 16) {  // 20 empty squares of 12 pixels to the left and right of it
     for (const int column : {4, 144}) {
       for (int i = 0; i < 12 * 12; ++i) {
@@ -193,11 +193,11 @@ TEST_CASE("detector: of more squares than it may read it reads the largest") {
   CHECK(hasty.squares_read() == 8);
 }
 
-TEST_CASE("detector: a picture full of edges is not searched") {
+TEST_CASE("detector: an image full of edges is not searched") {
   const CameraModel camera = small_camera(60);
-  Picture picture(camera, quick_paint());
-  picture.add(upright(7));
-  const std::vector<std::uint8_t> grey = picture.develop(1);
+  Image image(camera, quick_paint());
+  image.add(upright(7));
+  const std::vector<std::uint8_t> grey = image.develop(1);
   MarkerDetector usual, strict({.noisy_edges = 200, .edges = 200});
   CHECK(usual.find(view(camera, grey), 1, kSides).size() == 1);
   CHECK(strict.find(view(camera, grey), 1, kSides).empty());

@@ -10,9 +10,9 @@
 #include <numbers>
 #include <vector>
 
+#include "firmware/geometry/lens.h"
 #include "firmware/types.h"
 #include "firmware/vision/aruco_compat.h"
-#include "firmware/vision/camera_model.h"
 #include "tests/random.h"
 
 namespace finsight::test {
@@ -50,9 +50,9 @@ struct Paint {
   int samples = 61;              ///< sight lines per pixel; a prime
 };
 
-class Picture {
+class Image {
  public:
-  Picture(const CameraModel& camera, const Paint& paint)
+  Image(const CameraModel& camera, const Paint& paint)
       : camera_(camera), paint_(paint), grey_(pixels(), static_cast<float>(paint.background)) {}
 
   void add(const PaintedMarker& marker) { add(marker, marker_modules(marker.id)); }

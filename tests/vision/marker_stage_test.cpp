@@ -40,18 +40,18 @@ double mean_error_px(const CameraModel& camera, const Numbers& numbers, const Ma
 /// The test finger's markers painted one by one, some of them left out or given another id.
 std::vector<std::uint8_t> paint_ids(const CameraModel& camera, const std::array<int, kPlates>& ids) {
   const MountModel mount = test_mount();
-  Picture picture(camera, quick_paint());
+  Image image(camera, quick_paint());
   for (std::size_t p = 0; p < kPlates; ++p) {
     PaintedMarker marker = moved_marker(mount, {}, p);
     marker.id = ids[p];
-    if (marker.id >= 0) picture.add(marker);
+    if (marker.id >= 0) image.add(marker);
   }
-  return picture.develop(3);
+  return image.develop(3);
 }
 
 }  // namespace
 
-TEST_CASE("markers: all three found to 0.05 pixels, at rest and moved, in both picture sizes") {
+TEST_CASE("markers: all three found to 0.05 pixels, at rest and moved, in both image sizes") {
   const TestPrior prior;
   for (const CameraModel& camera : {camera_1280x720(), camera_640x480()}) {
     Random random(21);
@@ -136,7 +136,7 @@ TEST_CASE("markers: one that is there twice is not seen") {
   CHECK(stage.find(frame_of(camera, grey)).seen == std::array{true, false, false});
 }
 
-TEST_CASE("markers: none in frames that are no pictures of markers, and the next good frame is fine") {
+TEST_CASE("markers: none in frames that are no images of markers, and the next good frame is fine") {
   const CameraModel camera = camera_640x480();
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> good = paint_moved(camera, Numbers::Zero(), 1);

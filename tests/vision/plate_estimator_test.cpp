@@ -54,7 +54,7 @@ TEST_CASE("plates: ten steps from afar reach the point where the cost's finite d
     PlateSight sight = sight_of(prior.draw(random), {true, true, true}, 0.1, random);
     sight.corner_sigma_px = 0.1;
     Numbers numbers = estimator.prior_mean();
-    for (int step = 0; step < 10; ++step) estimator.improve(sight, numbers);
+    for (int step = 0; step < 10; ++step) estimator.gauss_newton_step(sight, numbers);
     const double least = estimator.cost(sight, numbers);
     for (int n = 0; n < 18; ++n) {
       const double h = n % 6 < 3 ? 1e-4 : 1e-5;
@@ -77,7 +77,7 @@ TEST_CASE("plates: corners without noise are met, wherever the fingers of the pr
     const Numbers truth = prior.draw(random);
     const PlateSight sight = sight_of(truth, {true, true, true}, 0, random);
     Numbers numbers = estimator.prior_mean();
-    for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
+    for (int step = 0; step < 6; ++step) estimator.gauss_newton_step(sight, numbers);
     for (std::size_t p = 0; p < kPlates; ++p) CHECK(estimator.reprojection_px(sight, p, numbers) < 0.05);
     CHECK(estimator.cost(sight, numbers) <= estimator.cost(sight, truth) + 1e-9);
   }
@@ -151,8 +151,8 @@ TEST_CASE("plates: those not seen come out at their conditional mean given the s
     const std::array<bool, kPlates> seen{(mask & 1) != 0, (mask & 2) != 0, (mask & 4) != 0};
     const PlateSight sight = sight_of(prior.draw(random), seen, 0.05, random);
     Numbers numbers = estimator.prior_mean();
-    for (int step = 0; step < 6; ++step) estimator.improve(sight, numbers);
-    PlateNumbers expected = numbers.cast<float>();
+    for (int step = 0; step < 6; ++step) estimator.gauss_newton_step(sight, numbers);
+    PoseVector expected = numbers.cast<float>();
     complete_from_prior(prior.view(), seen, expected);
     CHECK((numbers.cast<float>() - expected).cwiseAbs().maxCoeff() < 2e-3F);
   }
@@ -167,7 +167,7 @@ TEST_CASE("plates: behind the camera the cost is infinite and nothing breaks") {
   numbers[1] = -200;
   CHECK(std::isinf(estimator.cost(sight, numbers)));
   CHECK(std::isinf(estimator.reprojection_px(sight, 0, numbers)));
-  estimator.improve(sight, numbers);
+  estimator.gauss_newton_step(sight, numbers);
   CHECK(numbers.allFinite());
   numbers[7] = std::nan("");
   CHECK(std::isinf(estimator.reprojection_px(sight, 1, numbers)));

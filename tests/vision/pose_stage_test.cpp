@@ -157,16 +157,16 @@ TEST_CASE("poses: of all mirror poses the most probable is taken: none is better
         sight.rays[p][k] = ray_from_pixel(camera, corners.corners_px[p][k].cast<double>());
       }
     }
-    const Numbers found = plate_numbers(stage.estimate(corners)).cast<double>();
+    const Numbers found = pose_vector(stage.estimate(corners)).cast<double>();
     sight.corner_sigma_px = estimator.corner_sigma_px(sight, found);
     Numbers from_truth = truth;
-    for (int step = 0; step < 8; ++step) estimator.improve(sight, from_truth);
+    for (int step = 0; step < 8; ++step) estimator.gauss_newton_step(sight, from_truth);
     CHECK(estimator.cost(sight, found) <
           estimator.cost(sight, from_truth) + 0.1);  // what further steps would still gain
   }
 }
 
-TEST_CASE("poses: from a drawn picture to plate motions") {
+TEST_CASE("poses: from a drawn image to plate motions") {
   const MountModel mount = test_mount();
   const TestPrior prior;
   const CameraModel camera = camera_1280x720();

@@ -1,4 +1,4 @@
-// What a camera sees of plates that have moved: lines of sight of the markers' corners, without a picture.
+// What a camera sees of plates that have moved: lines of sight of the markers' corners, without an image.
 #pragma once
 
 #include "firmware/vision/plate_estimator.h"

@@ -4,8 +4,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "firmware/geometry/lens.h"
 #include "firmware/model/model.h"
-#include "firmware/vision/camera_model.h"
 #include "tests/vision/marker_painter.h"
 
 namespace finsight::test {
@@ -19,7 +19,7 @@ inline CameraModel camera_640x480() {
   return {640, 480, 490.70F, 490.60F, 303.59F, 243.64F, -0.3956F, 0.2259F, 0, 0, -0.0912F};
 }
 
-/// The camera looks up along finger y from below the base; the markers look down at it, upright in its picture.
+/// The camera looks up along finger y from below the base; the markers look down at it, upright in its image.
 inline MountModel test_mount() {
   MountModel mount;
   mount.T_finger_camera = Eigen::Isometry3f::Identity();
@@ -108,9 +108,9 @@ inline MarkerCorners corners_of(const MountModel& mount, const CameraModel& came
 inline std::vector<std::uint8_t> paint_plates(const MountModel& mount, const CameraModel& camera,
                                               const std::array<PlateMotion, kPlates>& plates, const Paint& paint,
                                               std::uint64_t seed) {
-  Picture picture(camera, paint);
-  for (std::size_t p = 0; p < kPlates; ++p) picture.add(moved_marker(mount, plates[p], p));
-  return picture.develop(seed);
+  Image image(camera, paint);
+  for (std::size_t p = 0; p < kPlates; ++p) image.add(moved_marker(mount, plates[p], p));
+  return image.develop(seed);
 }
 
 inline Frame frame_of(const CameraModel& camera, const std::vector<std::uint8_t>& grey) {

@@ -36,7 +36,7 @@ class Regrasp {
   static constexpr float kFirmly_permille = 250;  // the touch is known better the more the finger is bent
   static constexpr float kClosest_mm = 2;
   static constexpr int kReadings = 12;
-  static constexpr int kMostMoves = 5;
+  static constexpr int kMaxMoves = 5;
 
   Outputs out;
   int moves = 0;
@@ -63,7 +63,7 @@ class Regrasp {
         if (std::hypot(x, y) <= kNear_mm) {
           out.done = true;
           go_to(9);
-        } else if (moves == kMostMoves) {
+        } else if (moves == kMaxMoves) {
           fail();
         } else {
           ++moves;

@@ -11,7 +11,7 @@
 #include <memory>
 #include <string>
 
-#include "firmware/commands.h"
+#include "firmware/device/commands.h"
 #include "firmware/modbus/server.h"
 #include "hostgen/learn/touch_samples.h"
 #include "tests/system/gripper/world.h"
@@ -34,17 +34,17 @@ class Device {
   /// `noise` is that of a camera's plate motions, as the finger's spec states it.
   Device(const Model& model, const Noise& noise)
       : noise_(noise),
-        loop_(model, std::nullopt, {.shape = {.tier = ShapeSettings::Tier::kMap}, .live = {}}),
+        loop_(model, std::nullopt, {.shape = {.tier = ShapeSettings::Tier::kMap}, .runtime = {}}),
         commands_(control_, loop_, nullptr, nullptr, {}),
         server_({.port = 0}, control_),
         client_(modbus_new_tcp("127.0.0.1", server_.port()), &modbus_free) {
     if (modbus_connect(client_.get()) != 0) throw std::runtime_error("cannot connect to the own server");
   }
 
-  void frame(PlateNumbers numbers, Random& random) {
+  void frame(PoseVector numbers, Random& random) {
     add_noise(noise_, random, numbers);
     const PlatePoses poses = seen_poses({numbers.data(), 18});
-    commands_.turn();
+    commands_.poll();
     server_.publish(loop_.step({.poses = &poses, .exposure_ns = steady_now_ns(), .sequence = ++sequence_}));
   }
 

@@ -61,7 +61,7 @@ class World {
   double touch_x_mm = 0, touch_y_mm = 0;
   double force_n = 0, largest_n = 0;
   double slipped_n = 0;  ///< how far the force fell short after it had been enough
-  finsight::PlateNumbers plates = finsight::PlateNumbers::Zero();
+  finsight::PoseVector plates = finsight::PoseVector::Zero();
 
  private:
   /// The force at which finger and object together give way by as much as the jaws are too close; by bisection.

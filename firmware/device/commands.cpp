@@ -1,0 +1,111 @@
+#include "firmware/device/commands.h"
+
+#include <utility>
+
+namespace finsight {
+
+Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved,
+                   std::int64_t frame_timeout_ns)
+    : control_(control),
+      loop_(loop),
+      saver_(saver),
+      recorder_(recorder),
+      frame_timeout_ns_(frame_timeout_ns),
+      settings_(saved.settings),
+      saved_(saved) {
+  loop_.zeroing().set_zero(saved.zero);
+}
+
+void Commands::poll() {
+  settings_ = control_.settings();
+  loop_.use(settings_);
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  control_.set_stale_after(kNsPerMs * settings_[kHoldTime] + frame_timeout_ns_);
+  if (!is_running_) {
+    if (const auto ordered = control_.take_command()) {
+      running_ = *ordered;
+      is_running_ = is_ordered_ = true;
+      if (const auto result = start(running_)) {
+        is_running_ = false;
+        control_.finish(*result);
+      }
+    }
+  } else if (const auto result = outcome()) {
+    is_running_ = false;
+    if (is_ordered_) control_.finish(*result);
+  }
+  loop_.show_unsaved(zero_changed_ || settings_ != saved_.settings);
+  if (recorder_) control_.show_recording(static_cast<std::uint16_t>(recorder_->state()));
+}
+
+void Commands::trigger() {
+  const auto command = static_cast<Command>(settings_[kTriggerCommand]);
+  if (is_running_ || command == Command::kNone) return;
+  running_ = command;
+  is_ordered_ = false;
+  is_running_ = !start(command);
+}
+
+/// The result of what is done at once; nothing where outcome() will tell.
+std::optional<CommandResult> Commands::start(Command command) {
+  switch (command) {
+    case Command::kNone:
+      return CommandResult::kDone;
+    case Command::kZero:
+      loop_.zeroing().begin();
+      return std::nullopt;
+    case Command::kSave:
+      if (!saver_) return CommandResult::kNotConfigured;
+      saver_->begin(saving_ = current());
+      return std::nullopt;
+    case Command::kClearFault:
+      loop_.set_lasting_fault(FaultCode::kNone);
+      return CommandResult::kDone;
+    case Command::kRecord:
+      return record(true);
+    case Command::kStopRecording:
+      return record(false);
+    case Command::kReset:
+      reset_at_ns_ = steady_now_ns() + kResultIsShownNs;
+      return CommandResult::kDone;
+    case Command::kFactory:  // the settings themselves changed with the order
+      zero_changed_ = zero_changed_ || loop_.zeroing().zero();
+      loop_.zeroing().set_zero(std::nullopt);
+      return CommandResult::kDone;
+  }
+  return CommandResult::kNotPossible;
+}
+
+std::optional<CommandResult> Commands::record(bool start) {
+  if (!recorder_) return CommandResult::kNotConfigured;
+  const bool is_recording = recorder_->state() == Recorder::State::kRecording;
+  if (start && is_recording) return CommandResult::kNotPossible;
+  if (!start && !is_recording) return CommandResult::kDone;
+  start ? recorder_->start() : recorder_->stop();
+  return std::nullopt;
+}
+
+std::optional<CommandResult> Commands::outcome() {
+  switch (running_) {
+    case Command::kZero: {
+      const auto done = loop_.zeroing().take_outcome();
+      if (!done) return std::nullopt;
+      zero_changed_ = zero_changed_ || *done;
+      return *done ? CommandResult::kDone : CommandResult::kNotPossible;
+    }
+    case Command::kSave: {
+      const auto done = saver_->outcome();
+      if (!done) return std::nullopt;
+      if (*done) {
+        saved_ = saving_;
+        zero_changed_ = false;
+      }
+      return *done ? CommandResult::kDone : CommandResult::kFailed;
+    }
+    default:  // of the recorder
+      if (!recorder_->is_settled()) return std::nullopt;
+      return recorder_->state() == Recorder::State::kFailed ? CommandResult::kFailed : CommandResult::kDone;
+  }
+}
+
+}  // namespace finsight

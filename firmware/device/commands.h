@@ -1,0 +1,50 @@
+// Carries out what clients order: between the registers from 1000 on and the parts of the firmware.
+#pragma once
+
+#include <optional>
+
+#include "firmware/device/recorder.h"
+#include "firmware/device/saved_state.h"
+#include "firmware/loop/frame_loop.h"
+#include "firmware/modbus/control.h"
+
+namespace finsight {
+
+/// How long a reset waits, so that the client who ordered it can read the result.
+constexpr std::int64_t kResultIsShownNs = 500'000'000;
+
+/// For the frame loop's thread: poll() before every frame. Neither allocates nor waits.
+class Commands {
+ public:
+  /// Without a saver or recorder their commands end as "not configured". `saved` is what the disk holds.
+  /// Without a frame for `frame_timeout_ns` the loop turns all the same; later than that it hangs.
+  Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved,
+           std::int64_t frame_timeout_ns = 100'000'000);
+
+  void poll();
+  /// The command of setting 1021, unless another one is running.
+  void trigger();
+  bool reset_is_ordered() const { return reset_at_ns_.has_value(); }
+  /// A client ordered a reset, and has had the time to read the result.
+  bool reset_is_due() const { return reset_at_ns_ && steady_now_ns() >= *reset_at_ns_; }
+
+ private:
+  std::optional<CommandResult> start(Command command);
+  std::optional<CommandResult> outcome();
+  std::optional<CommandResult> record(bool start);
+  SavedState current() const { return {settings_, loop_.zeroing().zero()}; }
+
+  Control& control_;
+  FrameLoop& loop_;
+  StateSaver* saver_;
+  Recorder* recorder_;
+  const std::int64_t frame_timeout_ns_;
+  RuntimeSettings settings_;
+  SavedState saved_, saving_;
+  Command running_ = Command::kNone;
+  bool is_running_ = false, is_ordered_ = false;  ///< by a client, who then hears of its end
+  bool zero_changed_ = false;
+  std::optional<std::int64_t> reset_at_ns_;
+};
+
+}  // namespace finsight

@@ -1,0 +1,47 @@
+#include "firmware/device/realtime.h"
+
+#include <sys/mman.h>
+
+#include <cerrno>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+namespace finsight {
+
+namespace {
+
+void require(int result, const std::string& what) {
+  if (result != 0) throw std::runtime_error(what + ": " + std::strerror(errno));
+}
+
+}  // namespace
+
+void make_realtime(const RealtimeSettings& settings) {
+  if (settings.lock_memory) require(mlockall(MCL_CURRENT | MCL_FUTURE), "realtime.lock_memory");
+  if (settings.cpu >= 0) {
+    cpu_set_t cpus;
+    CPU_ZERO(&cpus);
+    CPU_SET(settings.cpu, &cpus);
+    require(sched_setaffinity(0, sizeof cpus, &cpus), "realtime.cpu = " + std::to_string(settings.cpu));
+  }
+  if (settings.priority > 0) {
+    // Threads that libraries start for themselves stay ordinary ones.
+    const sched_param parameters{.sched_priority = settings.priority};
+    require(sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters),
+            "realtime.priority = " + std::to_string(settings.priority));
+  }
+}
+
+SchedulingSnapshot::SchedulingSnapshot() {
+  CPU_ZERO(&cpus_);
+  sched_getaffinity(0, sizeof cpus_, &cpus_);
+}
+
+void SchedulingSnapshot::restore() const {
+  sched_setaffinity(0, sizeof cpus_, &cpus_);
+  const sched_param parameters{};
+  sched_setscheduler(0, SCHED_OTHER | SCHED_RESET_ON_FORK, &parameters);
+}
+
+}  // namespace finsight

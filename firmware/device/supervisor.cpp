@@ -1,0 +1,45 @@
+#include "firmware/device/supervisor.h"
+
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cstddef>
+#include <cstdlib>
+#include <cstring>
+
+namespace finsight {
+
+Supervisor::Supervisor() {
+  const char* name = std::getenv("NOTIFY_SOCKET");
+  sockaddr_un address{};
+  if (!name || std::strlen(name) >= sizeof address.sun_path) return;
+  address.sun_family = AF_UNIX;
+  std::strcpy(address.sun_path, name);
+  if (name[0] == '@') address.sun_path[0] = '\0';  // an abstract socket
+  const auto length = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + std::strlen(name));
+  socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (socket_ >= 0 && connect(socket_, reinterpret_cast<const sockaddr*>(&address), length) != 0) {
+    close(socket_);
+    socket_ = -1;
+  }
+}
+
+Supervisor::~Supervisor() {
+  if (socket_ >= 0) close(socket_);
+}
+
+void Supervisor::ready() const { send("READY=1"); }
+
+void Supervisor::alive(std::int64_t now_ns, bool is_measuring) {
+  constexpr std::int64_t kBetween_ns = 1'000'000'000;
+  if (now_ns - last_alive_ns_ < kBetween_ns) return;
+  last_alive_ns_ = now_ns;
+  send(is_measuring ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
+}
+
+void Supervisor::send(const char* message) const {
+  if (socket_ >= 0) ::send(socket_, message, std::strlen(message), MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+}  // namespace finsight

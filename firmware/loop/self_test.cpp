@@ -1,0 +1,91 @@
+#include "firmware/loop/self_test.h"
+
+#include <cmath>
+
+#include "firmware/input_error.h"
+#include "firmware/modbus/registers.h"
+#include "firmware/touch/touch_stage.h"
+
+namespace finsight {
+
+namespace {
+
+void check_near(const Model& model, std::size_t number, const char* what, std::size_t index, double found,
+                double expected, double tolerance) {
+  if (std::abs(found - expected) <= tolerance) return;  // false for NaN
+  throw InputError(model.file().path(),
+                   "self-test case " + std::to_string(number) + ", " + what + " " + std::to_string(index),
+                   std::to_string(found), std::to_string(expected) + " within " + std::to_string(tolerance));
+}
+
+// Float mirrors are compared as the integers beside them; half a float is no number of counts.
+bool is_float_mirror(std::size_t address) { return address >= 20 && address < 32; }
+
+// Status bits, fault, shape source and limits: one count more means something else. All other registers are numbers.
+int tolerance_of(std::size_t address) {
+  return address == 0 || address == 1 || address == 43 || address == 44 ? 0 : kSelfTestRegisterTolerance;
+}
+
+// As numbers on a ring, like the counts of both signed and unsigned registers.
+void check_register(const Model& model, std::size_t number, std::size_t address, std::uint16_t found,
+                    std::uint16_t expected) {
+  const int difference = static_cast<std::int16_t>(found - expected);
+  check_near(model, number, "register", address, expected + difference, expected, tolerance_of(address));
+}
+
+void check_shape(const Model& model, std::size_t number, const char* what, std::span<const float> found,
+                 std::span<const float> expected) {
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    check_near(model, number, what, i, found[i], expected[number * found.size() + i], kSelfTestShapeTolerance_mm);
+  }
+}
+
+void check_registers(const Model& model, std::size_t number, const RegisterImage& found,
+                     std::span<const std::uint16_t> expected) {
+  for (std::size_t i = 0; i < kMeasurementRegisters; ++i) {
+    if (is_float_mirror(i)) continue;
+    check_register(model, number, i, found.words[i], expected[kMeasurementRegisters * number + i]);
+  }
+}
+
+}  // namespace
+
+SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers, const ShapeSettings& settings) {
+  ShapeStage shape_stage(model, settings);
+  TouchStage touch_stage(model);
+  const PlatePoses poses = seen_poses(numbers);
+  const FingerShape& shape = shape_stage.solve(poses);
+  const Touch& touch = touch_stage.locate(poses);
+
+  SelfTestAnswer answer;
+  answer.shape_mm.assign(shape.node_mm.begin(), shape.node_mm.end());
+  for (int i = 0; i < 3; ++i) {
+    answer.touch[static_cast<std::size_t>(i)] = touch.point_mm[i];
+    answer.touch[static_cast<std::size_t>(3 + i)] = touch.contact_mm[i];
+  }
+  answer.touch[6] = touch.force_n;
+  LoopState state;
+  state.rated_deformation_mm = model.rated_deformation_mm;
+  state.limits = next_threshold_state(state.limits, shape, touch, state.rated_deformation_mm, state.settings);
+  encode_registers(poses, shape, touch, state, answer.registers);
+  return answer;
+}
+
+void check_self_test(const Model& model) {
+  const SelfTestModel& expected = model.self_test;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(expected.cases); ++c) {
+    const std::span<const float> numbers = expected.poses.subspan(18 * c, 18);
+    const SelfTestAnswer answer = answer_self_test(model, numbers);
+    check_shape(model, c, "shape coordinate", answer.shape_mm, expected.shape_mm);
+    for (std::size_t i = 0; i < answer.touch.size(); ++i) {
+      check_near(model, c, "touch number", i, answer.touch[i], expected.touch[7 * c + i], kSelfTestTouchTolerance);
+    }
+    check_registers(model, c, answer.registers, expected.registers);
+    if (!model.contact_map) continue;
+    const SelfTestAnswer by_contact = answer_self_test(model, numbers, {.tier = ShapeSettings::Tier::kContact});
+    check_shape(model, c, "contact shape coordinate", by_contact.shape_mm, expected.contact_shape_mm);
+    check_registers(model, c, by_contact.registers, expected.contact_registers);
+  }
+}
+
+}  // namespace finsight

@@ -1,0 +1,72 @@
+#include "firmware/loop/zero.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <utility>
+
+namespace finsight {
+
+namespace {
+
+Eigen::AngleAxisf rotation(const Vec3f& vector) {
+  const float angle = vector.norm();
+  return angle > 0 ? Eigen::AngleAxisf(angle, vector / angle) : Eigen::AngleAxisf::Identity();
+}
+
+/// The motion that takes a plate from where it is at the zero to where it is now. A point X of the plate is at
+/// Z (X - c) + c + z at the zero and at R (X - c) + c + d now; so from one to the other it is turned by R Z^-1 about
+/// the marker's centre and moved by d - z.
+PlateMotion since(const PlateMotion& zero, const PlateMotion& now) {
+  const Eigen::AngleAxisf turned(rotation(now.rotation_rad).toRotationMatrix() *
+                                 rotation(zero.rotation_rad).toRotationMatrix().transpose());
+  return {now.displacement_mm - zero.displacement_mm, turned.angle() * turned.axis()};
+}
+
+}  // namespace
+
+std::optional<bool> Zeroing::take_outcome() { return std::exchange(outcome_, std::nullopt); }
+
+bool Zeroing::process(PlatePoses& poses) {
+  const bool is_new = running_ && observe(poses);
+  if (!zero_ || poses.quality == Quality::kInvalid) return is_new;
+  for (int p = 0; p < kPlates; ++p) {
+    poses.plates[p] = since((*zero_)[static_cast<std::size_t>(p)], poses.plates[p]);
+  }
+  return is_new;
+}
+
+bool Zeroing::end(bool done) {
+  running_ = false;
+  outcome_ = done;
+  return done;
+}
+
+/// Near enough to be a zero, and where the first frame saw it.
+bool Zeroing::is_usable(const PlatePoses& poses) const {
+  for (int p = 0; p < kPlates; ++p) {
+    const PlateMotion& motion = poses.plates[p];
+    if (!(motion.displacement_mm.norm() <= furthest_mm_ && motion.rotation_rad.norm() <= kLargest_rotation))
+      return false;
+    if (frames_ == 0) continue;
+    if ((motion.displacement_mm - first_.plates[p].displacement_mm).norm() > kStill_mm) return false;
+  }
+  return true;
+}
+
+/// Whether the zero is there with this frame.
+bool Zeroing::observe(const PlatePoses& poses) {
+  if (++tries_ > kLongest) return end(false);
+  if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return false;
+  if (!is_usable(poses)) return end(false);
+  if (frames_++ == 0) first_ = poses;
+  for (int p = 0; p < kPlates; ++p) {
+    PlateMotion& sum = sum_[static_cast<std::size_t>(p)];
+    sum.displacement_mm += poses.plates[p].displacement_mm / kFrames;
+    sum.rotation_rad += poses.plates[p].rotation_rad / kFrames;
+  }
+  if (frames_ < kFrames) return false;
+  zero_ = sum_;
+  return end(true);
+}
+
+}  // namespace finsight

@@ -1,0 +1,269 @@
+#include "firmware/settings/settings.h"
+
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "firmware/input_error.h"
+#include "firmware/settings/toml_table.h"
+
+namespace finsight {
+
+namespace {
+
+void read_replay(TomlTable& table, Settings& settings) {
+  settings.replay.path = table.path("path");
+  if (settings.source == Settings::Source::kPoses) settings.replay.recording = table.text("recording", "");
+  settings.replay.recorded_speed = table.choice("speed", {"recorded", "full"}, "recorded") == "recorded";
+  settings.replay.repeat = table.flag("repeat", false);
+}
+
+void read_live(TomlTable& table, Settings& settings) {
+  LiveCameraSettings& live = settings.camera;
+  live.name = table.text("camera", "");
+  live.width_px = static_cast<int>(table.integer("width_px", 16, Y4mReader::kMaxSide));
+  live.height_px = static_cast<int>(table.integer("height_px", 16, Y4mReader::kMaxSide));
+  live.frames_per_second = table.number("frames_per_second", 1, 1000);
+  if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
+  if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);
+  live.stall_ms = static_cast<int>(table.integer("stall_ms", 50, 60'000, 500));
+  SessionInfo image;
+  image.width_px = live.width_px;
+  image.height_px = live.height_px;
+  TomlTable lens = table.table_or_file("lens");
+  const std::string where = lens.where();
+  read_lens(std::move(lens), image);
+  settings.lens = camera_of(image);
+  try {
+    check_camera(settings.lens);
+  } catch (const InputError& error) {
+    throw InputError(where, error.what());
+  }
+}
+
+void read_source(TomlTable table, Settings& settings) {
+  using Source = Settings::Source;
+  const std::string kind = table.choice("kind", {"session", "poses", "camera"});
+  settings.source = kind == "session" ? Source::kSession : kind == "poses" ? Source::kPoses : Source::kCamera;
+  settings.source == Source::kCamera ? read_live(table, settings) : read_replay(table, settings);
+  table.finish();
+}
+
+GpioLine read_line(TomlTable& table) {
+  GpioLine line;
+  if (table.has("name") == table.has("number")) {
+    throw InputError(table.where(), "a line has either a name or a number");
+  }
+  if (table.has("name")) {
+    line.name = table.text("name");
+    if (line.name.empty()) throw InputError(table.where("name"), "name", "\"\"", "the name of a line");
+  } else {
+    line.number = static_cast<unsigned>(table.integer("number", 0, 1023));
+  }
+  line.active_low = table.flag("active_low", false);
+  return line;
+}
+
+/// `safe` belongs to whoever wires the machine, so there is no default; healthy is safe when it says "not healthy", and
+/// the light when it is off.
+OutputLine read_output(TomlTable table, int output) {
+  OutputLine line{read_line(table)};
+  const bool has_safe_level = output == kContactOutput || output == kOverloadOutput;
+  if (has_safe_level) line.safe_active = table.choice("safe", {"active", "inactive"}) == "active";
+  table.finish();
+  return line;
+}
+
+GpioSettings read_gpio(TomlTable table) {
+  GpioSettings gpio;
+  gpio.chip = table.text("chip");
+  gpio.consumer = table.text("consumer", "finsight");
+  bool any = false;
+  for (int output = 0; output < kOutputs; ++output) {
+    if (!table.has(kOutputName[output])) continue;
+    gpio.lines[output] = read_output(table.table(kOutputName[output]), output);
+    any = true;
+  }
+  if (table.has("trigger")) {
+    TomlTable trigger = table.table("trigger");
+    gpio.trigger = read_line(trigger);
+    trigger.finish();
+    any = true;
+  }
+  if (!any) throw InputError(table.where(), "gpio", "no line", "contact, overload, healthy, light or trigger");
+  table.finish();
+  return gpio;
+}
+
+void read_shape(TomlTable table, ShapeSettings& shape) {
+  using Tier = ShapeSettings::Tier;
+  const std::string tier = table.choice("tier", {"measures", "map", "contact", "map+newton", "newton"}, "newton");
+  shape.tier = tier == "measures"  ? Tier::kMeasures
+               : tier == "map"     ? Tier::kMap
+               : tier == "contact" ? Tier::kContact
+               : tier == "newton"  ? Tier::kNewton
+                                   : Tier::kMapAndNewton;
+  shape.factorisations = static_cast<int>(table.integer("factorisations", 1, 10, shape.factorisations));
+  shape.chord_steps = static_cast<int>(table.integer("chord_steps", 0, 5, shape.chord_steps));
+  table.finish();
+}
+
+char parity_letter(const std::string& parity) { return parity == "even" ? 'E' : parity == "odd" ? 'O' : 'N'; }
+
+SerialSettings read_serial(TomlTable table) {
+  SerialSettings serial;
+  serial.device = table.text("device");
+  if (!serial.device.starts_with("/")) {
+    throw InputError(table.where("device"), "modbus.serial.device", "\"" + serial.device + "\"",
+                     "a device's whole path, such as \"/dev/ttyUSB0\"");
+  }
+  constexpr int kBauds[] = {1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200};
+  serial.baud = static_cast<int>(table.integer("baud", 1200, 115200, serial.baud));
+  if (std::ranges::find(kBauds, serial.baud) == std::end(kBauds)) {
+    throw InputError(table.where("baud"), "modbus.serial.baud", std::to_string(serial.baud),
+                     "1200, 2400, 4800, 9600, 19200, 38400, 57600 or 115200");
+  }
+  serial.parity = parity_letter(table.choice("parity", {"even", "odd", "none"}, "even"));
+  serial.stop_bits = static_cast<int>(table.integer("stop_bits", 1, 2, serial.parity == 'N' ? 2 : 1));
+  serial.unit = static_cast<int>(table.integer("unit", 1, 247, serial.unit));
+  serial.rs485 = table.flag("rs485", false);
+  table.finish();
+  return serial;
+}
+
+std::vector<Network> read_networks(TomlTable& table, const char* key) {
+  std::vector<Network> networks;
+  if (!table.has(key)) return networks;
+  for (const std::string& text : table.texts(key)) {
+    const auto network = Network::parse(text);
+    if (!network) {
+      throw InputError(table.where(key), std::string("modbus.") + key, "\"" + text + "\"",
+                       "an address or a network, such as \"192.168.0.7\" or \"192.168.0.0/24\"");
+    }
+    networks.push_back(*network);
+  }
+  return networks;
+}
+
+void read_modbus(TomlTable table, Settings& settings) {
+  ModbusSettings& modbus = settings.modbus;
+  modbus.address = table.text("address", modbus.address);
+  if (!is_ipv4(modbus.address, false)) {
+    throw InputError(table.where("address"), "modbus.address", "\"" + modbus.address + "\"", "an IPv4 address");
+  }
+  modbus.port = static_cast<int>(table.integer("port", 0, 65535, modbus.port));
+  modbus.max_clients = static_cast<int>(table.integer("max_clients", 1, 64, modbus.max_clients));
+  modbus.idle_limit_s = static_cast<int>(table.integer("idle_limit_s", 1, 86400, modbus.idle_limit_s));
+  modbus.unit = static_cast<int>(table.integer("unit", 0, 247, modbus.unit));
+  modbus.allow = read_networks(table, "allow");
+  modbus.allow_writes = read_networks(table, "allow_writes");
+  settings.write_key = static_cast<std::uint16_t>(table.integer("write_key", 1, 65535, settings.write_key));
+  settings.loop.runtime[kWordOrder] = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD") == "CDAB";
+  if (table.has("serial")) modbus.serial = read_serial(table.table("serial"));
+  table.finish();
+}
+
+void read_realtime(TomlTable table, RealtimeSettings& realtime) {
+  realtime.priority = static_cast<int>(table.integer("priority", 0, 50, 0));
+  realtime.cpu = static_cast<int>(table.integer("cpu", -1, 255, -1));
+  realtime.lock_memory = table.flag("lock_memory", false);
+  table.finish();
+}
+
+void read_network(TomlTable table, NetworkSettings& network) {
+  if (table.choice("method", {"dhcp", "static"}) == "static") {
+    network.address = table.text("address");
+    network.gateway = table.text("gateway", "");
+    if (!is_ipv4(network.address, true)) {
+      throw InputError(table.where("address"), "network.address", "\"" + network.address + "\"",
+                       "an address with its prefix length, such as \"192.168.0.40/24\"");
+    }
+    if (!network.gateway.empty() && !is_ipv4(network.gateway, false)) {
+      throw InputError(table.where("gateway"), "network.gateway", "\"" + network.gateway + "\"",
+                       "an address, such as \"192.168.0.1\"");
+    }
+  }
+  table.finish();
+}
+
+void read_storage(TomlTable table, Settings& settings) {
+  if (table.has("settings")) settings.saved_state = table.path("settings");
+  if (table.has("recordings")) settings.recordings = table.path("recordings");
+  table.finish();
+}
+
+/// Values of `user`, when it is given, take the place of the file's.
+TomlTable parse_merged(const std::filesystem::path& file, const std::filesystem::path& user) {
+  TomlTable root = TomlTable::parse_file(file);
+  if (!user.empty()) root.override_with(user);
+  return root;
+}
+
+}  // namespace
+
+Settings read_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
+  TomlTable root = parse_merged(file, user);
+  Settings settings;
+  settings.pack = root.path("pack");
+  read_source(root.table("source"), settings);
+  if (root.has("shape")) read_shape(root.table("shape"), settings.loop.shape);
+  read_modbus(root.table("modbus"), settings);
+  if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
+  std::uint16_t& hold_ms = settings.loop.runtime[kHoldTime];
+  hold_ms = static_cast<std::uint16_t>(root.integer("hold_time_ms", 0, setting_row(kHoldTime).highest, hold_ms));
+  settings.loop.smoothing_ms = static_cast<double>(root.integer("smoothing_ms", 0, 1000, 0));
+  if (root.has("storage")) read_storage(root.table("storage"), settings);
+  if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
+  if (root.has("network")) read_network(root.table("network"), settings.network);
+  if (root.has("mount")) settings.mount = read_measured_mount(root.table_or_file("mount"));
+  root.finish();
+  return settings;
+}
+
+NetworkSettings read_network_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
+  TomlTable root = parse_merged(file, user);
+  NetworkSettings network;
+  if (root.has("network")) read_network(root.table("network"), network);
+  return network;
+}
+
+namespace {
+
+template <class Read>
+void read_part(const std::filesystem::path& file, const std::filesystem::path& user, const char* name,
+               const Read& read) {
+  for (const std::filesystem::path& changes : {user, std::filesystem::path()}) {
+    try {
+      TomlTable root = parse_merged(file, changes);
+      if (root.has(name)) read(root.table(name));
+      return;
+    } catch (const InputError&) {  // the next best
+    }
+  }
+}
+
+}  // namespace
+
+Settings read_good_parts(const std::filesystem::path& file, const std::filesystem::path& user) {
+  Settings settings;
+  settings.modbus = {.address = "0.0.0.0", .port = 502};
+  read_part(file, user, "modbus", [&](TomlTable table) {
+    Settings part;
+    read_modbus(std::move(table), part);
+    settings.modbus = part.modbus;
+    settings.write_key = part.write_key;
+    settings.loop.runtime = part.loop.runtime;
+  });
+  read_part(file, user, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
+  return settings;
+}
+
+CameraModel camera_of(const SessionInfo& session) {
+  const auto f = [](double value) { return static_cast<float>(value); };
+  const auto& c = session.fx_fy_cx_cy;
+  const auto& k = session.k1_k2_p1_p2_k3;
+  return {session.width_px, session.height_px, f(c[0]), f(c[1]), f(c[2]), f(c[3]),
+          f(k[0]),          f(k[1]),           f(k[2]), f(k[3]), f(k[4])};
+}
+
+}  // namespace finsight

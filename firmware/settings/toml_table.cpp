@@ -1,0 +1,266 @@
+#include "firmware/settings/toml_table.h"
+
+#include <toml++/toml.h>
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <string_view>
+
+#include "firmware/input_error.h"
+
+namespace finsight {
+
+struct TomlTable::Document {
+  std::string file;
+  std::filesystem::path folder;
+  toml::table root;
+};
+
+namespace {
+
+const toml::table& as_table(const void* node) { return *static_cast<const toml::table*>(node); }
+const toml::node& as_node(const void* node) { return *static_cast<const toml::node*>(node); }
+
+/// The shortest decimal that reads back as this number; with a point, so that it does not look like a whole number.
+std::string decimal(double value) {
+  std::array<char, 32> text{};
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
+  const std::string number(text.data(), end);
+  return number.find_first_not_of("-0123456789") == std::string::npos ? number + ".0" : number;
+}
+
+/// A value for a message: on one line and short, whatever it is.
+std::string shown(const toml::node& node) {
+  constexpr std::size_t kLongest = 80;
+  std::ostringstream out;
+  node.visit([&](const auto& value) {
+    using T = std::remove_cvref_t<decltype(value)>;
+    if constexpr (toml::is_table<T>) {
+      out << "a table";
+    } else if constexpr (toml::is_floating_point<T>) {
+      out << decimal(value.get());
+    } else {
+      out << value;
+    }
+  });
+  std::string text = out.str();
+  if (text.size() > kLongest) text = text.substr(0, kLongest - 3) + "...";
+  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < ' ' || c == 127; };
+  std::replace_if(text.begin(), text.end(), is_control, ' ');
+  return text;
+}
+
+std::string range_text(const char* kind, double lowest, double highest) {
+  std::ostringstream out;
+  out << kind << " from " << lowest << " to " << highest;
+  return out.str();
+}
+
+}  // namespace
+
+TomlTable::TomlTable(std::shared_ptr<Document> document, const void* node, std::string name)
+    : document_(std::move(document)), node_(node), name_(std::move(name)) {}
+
+namespace {
+
+// toml++ goes down into a dotted key part by part and knows no limit there. A run of dots that nothing ends is a key.
+void check_keys(const std::string& text, const std::string& file) {
+  constexpr int kMaxParts = 64;
+  constexpr std::string_view kEnds = "\n,={}[]";
+  int line = 1, dots = 0;
+  for (const char c : text) {
+    if (kEnds.find(c) != std::string_view::npos) dots = 0;
+    if (c == '\n') ++line;
+    if (c == '.' && ++dots >= kMaxParts) {
+      throw InputError(file + ":" + std::to_string(line), "a key of more than " + std::to_string(kMaxParts) + " parts");
+    }
+  }
+}
+
+toml::table parsed(const std::string& text, const std::string& file) {
+  check_keys(text, file);
+  try {
+    return toml::parse(text, file);
+  } catch (const toml::parse_error& error) {
+    throw InputError(file + ":" + std::to_string(error.source().begin.line), std::string(error.description()));
+  }
+}
+
+}  // namespace
+
+TomlTable TomlTable::parse_file(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(file, ignored)) throw InputError(file.string(), "no such file");
+  auto document = std::make_shared<Document>();
+  document->file = file.string();
+  document->folder = file.parent_path();
+  std::ifstream in(file, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  if (!in) throw InputError(file.string(), "cannot be read");
+  document->root = parsed(text, file.string());
+  return TomlTable(document, &document->root, "");
+}
+
+TomlTable TomlTable::parse_text(const std::string& text, const std::string& name) {
+  auto document = std::make_shared<Document>();
+  document->file = name;
+  document->root = parsed(text, name);
+  return TomlTable(document, &document->root, "");
+}
+
+namespace {
+
+void take_over(toml::table& base, toml::table& changes) {
+  for (auto&& [key, node] : changes) {
+    toml::node* old = base.get(key.str());
+    const toml::table* change = node.as_table();
+    const bool another = change && change->contains("kind");  // of which only its own keys make sense
+    if (old && old->is_table() && change && !another) {
+      take_over(*old->as_table(), *node.as_table());
+    } else {
+      base.insert_or_assign(key, std::move(node));  // moved, because a copy forgets where it stood
+    }
+  }
+}
+
+}  // namespace
+
+void TomlTable::override_with(const std::filesystem::path& file) {
+  TomlTable changes = parse_file(file);
+  take_over(document_->root, changes.document_->root);
+}
+
+bool TomlTable::has(const std::string& key) const { return as_table(node_).contains(key); }
+
+std::string TomlTable::where(const std::string& key) const {
+  const toml::node* node = key.empty() ? nullptr : as_table(node_).get(key);
+  const toml::source_region& source = node ? node->source() : as_table(node_).source();
+  const std::string& file = source.path ? *source.path : document_->file;
+  return source.begin.line > 0 ? file + ":" + std::to_string(source.begin.line) : file;
+}
+
+const void* TomlTable::find(const std::string& key, const char* expected, bool required) {
+  asked_.push_back(key);
+  const toml::node* node = as_table(node_).get(key);
+  if (!node && required) throw InputError(where(), name_ + key, "nothing", expected);
+  return node;
+}
+
+double TomlTable::number(const std::string& key, double lowest, double highest, std::optional<double> fallback) {
+  const std::string expected = range_text("a number", lowest, highest);
+  const void* node = find(key, expected.c_str(), !fallback);
+  if (!node) return *fallback;
+  const auto value = as_node(node).is_number() ? as_node(node).value<double>() : std::nullopt;
+  if (!value || !(*value >= lowest && *value <= highest)) {
+    throw InputError(where(key), name_ + key, shown(as_node(node)), expected);
+  }
+  return *value;
+}
+
+std::int64_t TomlTable::integer(const std::string& key, std::int64_t lowest, std::int64_t highest,
+                                std::optional<std::int64_t> fallback) {
+  const std::string expected = "a whole number from " + std::to_string(lowest) + " to " + std::to_string(highest);
+  const void* node = find(key, expected.c_str(), !fallback);
+  if (!node) return *fallback;
+  const auto value = as_node(node).is_integer() ? as_node(node).value<std::int64_t>() : std::nullopt;
+  if (!value || *value < lowest || *value > highest) {
+    throw InputError(where(key), name_ + key, shown(as_node(node)), expected);
+  }
+  return *value;
+}
+
+bool TomlTable::flag(const std::string& key, std::optional<bool> fallback) {
+  const void* node = find(key, "true or false", !fallback);
+  if (!node) return *fallback;
+  if (!as_node(node).is_boolean()) throw InputError(where(key), name_ + key, shown(as_node(node)), "true or false");
+  return *as_node(node).value<bool>();
+}
+
+std::string TomlTable::text(const std::string& key, std::optional<std::string> fallback) {
+  const void* node = find(key, "a text", !fallback);
+  if (!node) return *fallback;
+  if (!as_node(node).is_string()) throw InputError(where(key), name_ + key, shown(as_node(node)), "a text");
+  return *as_node(node).value<std::string>();
+}
+
+std::string TomlTable::choice(const std::string& key, const std::vector<std::string>& choices,
+                              std::optional<std::string> fallback) {
+  const std::string value = text(key, std::move(fallback));
+  if (std::find(choices.begin(), choices.end(), value) != choices.end()) return value;
+  std::string expected = "one of";
+  for (const std::string& one : choices) expected += " \"" + one + "\"";
+  throw InputError(where(key), name_ + key, "\"" + value + "\"", expected);
+}
+
+std::vector<double> TomlTable::numbers(const std::string& key, std::size_t count, double lowest, double highest) {
+  const std::string expected = (count ? std::to_string(count) + " numbers, each" : std::string("numbers, each")) +
+                               range_text("", lowest, highest);
+  const void* node = find(key, expected.c_str(), true);
+  const auto refuse = [&] { throw InputError(where(key), name_ + key, shown(as_node(node)), expected); };
+  const toml::array* array = as_node(node).as_array();
+  if (!array || (count && array->size() != count)) refuse();
+  std::vector<double> values;
+  for (const toml::node& item : *array) {
+    const auto value = item.is_number() ? item.value<double>() : std::nullopt;
+    if (!value || !(*value >= lowest && *value <= highest)) refuse();
+    values.push_back(*value);
+  }
+  return values;
+}
+
+std::vector<std::string> TomlTable::texts(const std::string& key) {
+  const char* expected = "texts in brackets, such as [\"a\", \"b\"]";
+  const void* node = find(key, expected, true);
+  const auto refuse = [&] { throw InputError(where(key), name_ + key, shown(as_node(node)), expected); };
+  const toml::array* array = as_node(node).as_array();
+  if (!array) refuse();
+  std::vector<std::string> values;
+  for (const toml::node& item : *array) {
+    if (!item.is_string()) refuse();
+    values.push_back(*item.value<std::string>());
+  }
+  return values;
+}
+
+std::filesystem::path TomlTable::path(const std::string& key) {
+  const std::filesystem::path given = text(key);
+  if (given.empty()) throw InputError(where(key), name_ + key, "\"\"", "a path");
+  const toml::source_path_ptr& file = as_table(node_).get(key)->source().path;
+  const auto folder = file ? std::filesystem::path(*file).parent_path() : document_->folder;
+  return given.is_absolute() ? given : folder / given;
+}
+
+TomlTable TomlTable::table(const std::string& key) {
+  const void* node = find(key, "a table", true);
+  if (!as_node(node).is_table()) throw InputError(where(key), name_ + key, shown(as_node(node)), "a table");
+  return TomlTable(document_, as_node(node).as_table(), name_ + key + ".");
+}
+
+TomlTable TomlTable::table_or_file(const std::string& key) {
+  const void* node = find(key, "a table, or the path of a TOML file", true);
+  return as_node(node).is_string() ? parse_file(path(key)) : table(key);
+}
+
+std::vector<TomlTable> TomlTable::tables(const std::string& key) {
+  const void* node = find(key, "an array of tables", true);
+  const toml::array* array = as_node(node).as_array();
+  if (!array || array->empty() || !array->is_homogeneous(toml::node_type::table)) {
+    throw InputError(where(key), name_ + key, shown(as_node(node)), "an array of tables");
+  }
+  std::vector<TomlTable> result;
+  for (const toml::node& item : *array) result.push_back(TomlTable(document_, item.as_table(), name_ + key + "."));
+  return result;
+}
+
+void TomlTable::finish() const {
+  for (const auto& [key, node] : as_table(node_)) {
+    const std::string name(key.str());
+    if (std::find(asked_.begin(), asked_.end(), name) != asked_.end()) continue;
+    throw InputError(where(name), name_ + name, "an unknown key", "none of that name");
+  }
+}
+
+}  // namespace finsight

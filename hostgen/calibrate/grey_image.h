@@ -1,0 +1,28 @@
+// Images from files: PNG (libpng) and PGM, as grey levels.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "firmware/vision/image_view.h"
+
+namespace finsight::host {
+
+struct GreyImage {
+  int width_px = 0, height_px = 0;
+  std::vector<std::uint8_t> grey;  ///< [height, width]
+  ImageView view() const { return {grey.data(), width_px, height_px, width_px}; }
+};
+
+/// Sides up to kLargestSide_px; colours become grey. Throws InputError with what is wrong: not a PNG file or one that
+/// is cut, not a binary PGM file (P5) of 8 bits.
+GreyImage read_png(const std::filesystem::path& file);
+GreyImage read_pgm(const std::filesystem::path& file);
+inline constexpr int kLargestSide_px = 8192;
+
+/// A PNG file's bytes; printed at its own size it has so many pixels per metre. Throws std::runtime_error.
+std::string png_bytes(const GreyImage& image, std::uint32_t pixels_per_metre);
+
+}  // namespace finsight::host

@@ -1,0 +1,228 @@
+// hostgen build: finger spec -> mesh -> finite-element states -> learned parts -> model pack.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <ctime>
+#include <memory>
+
+#include "firmware/input_error.h"
+#include "firmware/loop/self_test.h"
+#include "hostgen/commands/commands.h"
+#include "hostgen/fem/shape_model.h"
+#include "hostgen/finger/mount.h"
+#include "hostgen/learn/shape_map_training.h"
+#include "hostgen/learn/shape_truth.h"
+#include "hostgen/learn/touch_training.h"
+#include "hostgen/pack/model_pack.h"
+#include "hostgen/report/build_figures.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+namespace {
+
+struct Options {
+  std::filesystem::path spec, output, dataset, save_dataset;
+  std::string profile = "quick";
+  int points = 0, forces = 0, training_steps = 0;  // 0: the profile's
+  std::uint64_t seed = 1;
+};
+
+struct Profile {
+  DatasetPlan dataset;
+  int training_steps;
+};
+const std::map<std::string, Profile> kProfiles = {
+    {"quick", {{.points = 60, .forces = 7}, 6000}},
+    {"full", {{.points = 570, .forces = 21}, 50000}},
+};
+
+Profile chosen_profile(const Options& options) {
+  Profile profile = kProfiles.at(options.profile);
+  if (options.points) profile.dataset.points = options.points;
+  if (options.forces) profile.dataset.forces = options.forces;
+  if (options.training_steps) profile.training_steps = options.training_steps;
+  return profile;
+}
+
+/// Everything that a pack views, while it is being made.
+struct Parts {
+  FingerSpec spec;
+  ShapeModelData shape;
+  PlatePriorData prior;
+  TouchTraining touch;
+  ShapeMapData map, contact_map;
+};
+
+PackViews views_of(const Parts& parts, const Options& options) {
+  PackViews views;
+  views.finger_name = parts.spec.name;
+  views.spec_sha256 = parts.spec.sha256;
+  views.hostgen_version = FINSIGHT_VERSION;
+  views.rated_deformation_mm = static_cast<float>(parts.spec.rated_deformation_mm);
+  views.notes = {{"profile", options.profile}, {"seed", std::to_string(options.seed)}};
+  views.mount = mount_of(parts.spec);
+  views.prior = parts.prior.view();
+  views.shape = parts.shape.view();
+  views.shape_map = parts.map.view();
+  views.contact_map = parts.contact_map.view();
+  views.touch = parts.touch.model.view();
+  return views;
+}
+
+/// Plate numbers of the self-test: rest, and states spread over the dataset.
+std::vector<float> self_test_poses(const FemDataset& dataset) {
+  constexpr std::size_t kCases = 4;
+  std::vector<float> numbers(18, 0.0F);
+  std::vector<const FemState*> valid;
+  for (const FemState& state : dataset.states) {
+    if (state.valid()) valid.push_back(&state);
+  }
+  for (std::size_t c = 1; c < kCases; ++c) {
+    for (const PlateMotion& plate : valid[(valid.size() - 1) * c / (kCases - 1)]->plates) {
+      numbers.insert(numbers.end(), {plate.displacement_mm.x(), plate.displacement_mm.y(), plate.displacement_mm.z(),
+                                     plate.rotation_rad.x(), plate.rotation_rad.y(), plate.rotation_rad.z()});
+    }
+  }
+  return numbers;
+}
+
+/// Writes the pack with the answers that this build of the firmware gives, then opens it again and checks them.
+void write_with_self_test(const Parts& parts, const Options& options, const std::vector<float>& poses) {
+  PackViews views = views_of(parts, options);
+  const std::size_t cases = poses.size() / 18;
+  std::vector<float> shape_mm(cases * views.shape.rest_mm.size()), contact_shape_mm(shape_mm.size()), touch(cases * 7);
+  std::vector<std::uint16_t> registers(cases * kMeasurementRegisters), contact_registers(registers.size());
+  views.self_test = {static_cast<int>(cases), poses, shape_mm, touch, registers, contact_shape_mm, contact_registers};
+
+  // The answers need an opened model: a draft without them serves for that.
+  const std::filesystem::path draft = options.output.string() + ".draft" + std::to_string(getpid());
+  write_model_pack(draft, views);
+  {
+    const Model model = Model::open(draft);
+    std::filesystem::remove(draft);  // stays mapped
+    const auto keep = [](const auto& answer, std::size_t c, auto& all) {
+      std::copy(answer.begin(), answer.end(), all.begin() + static_cast<std::ptrdiff_t>(c * answer.size()));
+    };
+    for (std::size_t c = 0; c < cases; ++c) {
+      const auto numbers = std::span(poses).subspan(18 * c, 18);
+      const SelfTestAnswer answer = answer_self_test(model, numbers);
+      keep(answer.shape_mm, c, shape_mm);
+      keep(answer.touch, c, touch);
+      keep(answer.registers.words, c, registers);
+      const SelfTestAnswer by_contact = answer_self_test(model, numbers, {.tier = ShapeSettings::Tier::kContact});
+      keep(by_contact.shape_mm, c, contact_shape_mm);
+      keep(by_contact.registers.words, c, contact_registers);
+    }
+  }
+  write_model_pack(options.output, views);
+  check_self_test(Model::open(options.output));
+}
+
+/// The finite-element states: from a file, or computed. An interrupted run keeps finished paths beside the pack and
+/// goes on there.
+FemDataset truth(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile, const Options& options) {
+  if (!options.dataset.empty()) {
+    FemDataset dataset = read_dataset(options.dataset);
+    check_complete(dataset, spec, mesh, options.dataset);
+    return dataset;
+  }
+  return make_dataset(spec, mesh, profile.dataset, {}, options.output.string() + ".paths");
+}
+
+/// The shape map from what the firmware's solver converges to, the contact map from the states as they are.
+void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
+  {
+    const ShapeSamples samples =
+        converged_shapes(parts.spec, parts.shape.view(), mount_of(parts.spec), dataset, 1, seed);
+    parts.map = fit_shape_map(samples.poses, samples.displacement_mm);
+    std::printf("shape map: rank %d from %td shapes (%d did not converge)\n", parts.map.rank, samples.poses.rows(),
+                samples.failed);
+  }
+  parts.contact_map = fit_contact_map(parts.spec, dataset, seed + 1);
+  std::printf("contact map: rank %d\n", parts.contact_map.rank);
+  const std::size_t states = dataset.count(Outcome::kEquilibrium);
+  if (states < ShapeMapModel::kFeatures) {
+    std::printf(
+        "warning: contact map: %zu states are fewer than the %d features of its regression; tier \"contact\" may be "
+        "worse than \"map\" where none is near. More --points help\n",
+        states, ShapeMapModel::kFeatures);
+  }
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+void run(const Options& options) {
+  const Profile profile = chosen_profile(options);
+  check_writable(options.output, {options.spec, options.dataset});
+  if (!options.save_dataset.empty()) check_writable(options.save_dataset, {options.spec, options.dataset});
+  Parts parts;
+  parts.spec = read_finger_spec(options.spec);
+  const TetMesh mesh = make_mesh(parts.spec);
+  std::printf("mesh: %zu nodes, %zu tets, smallest dihedral angle %.1f deg\n", mesh.node_mm.size(), mesh.tets.size(),
+              mesh.min_dihedral_deg);
+  parts.shape = make_shape_model(mesh);
+
+  BuildFigures figures{.profile = options.profile};
+  const auto fem_start = std::chrono::steady_clock::now();
+  const std::clock_t fem_clock = std::clock();
+  const FemDataset dataset = truth(parts.spec, mesh, profile, options);
+  if (options.dataset.empty()) {
+    figures.fem_seconds = seconds_since(fem_start);
+    figures.fem_cpu_seconds = static_cast<double>(std::clock() - fem_clock) / CLOCKS_PER_SEC;
+  }
+  figures.fem_states = dataset.states.size();
+  figures.fem_too_far = dataset.count(Outcome::kPushedTooFar);
+  figures.fem_failed = dataset.count(Outcome::kNoEquilibrium);
+  std::printf("finite elements: %zu states, %zu of them pushed too far, %zu without equilibrium, %.1f s\n",
+              figures.fem_states, figures.fem_too_far, figures.fem_failed, figures.fem_seconds);
+  figures.deformation = measure_deformation_rise(dataset, parts.shape.front_nodes);
+  figures.rated_deformation_mm = parts.spec.rated_deformation_mm;
+  std::printf("%s\n", deformation_text(figures.deformation, figures.rated_deformation_mm).c_str());
+
+  if (!options.save_dataset.empty()) write_dataset(options.save_dataset, dataset);
+
+  const auto training_start = std::chrono::steady_clock::now();
+  parts.prior = fit_plate_prior(dataset, parts.spec.noise);
+  parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps});
+  figures.training_seconds = seconds_since(training_start);
+  figures.touch = &parts.touch;
+  std::printf("%s", parts.touch.log.c_str());
+
+  fit_maps(parts, dataset, options.seed);
+  write_with_self_test(parts, options, self_test_poses(dataset));
+  write_build_figures(options.output, figures);
+  std::filesystem::remove_all(options.output.string() + ".paths");
+  std::printf("%s: %ju bytes, self-test passed\n", options.output.c_str(),
+              static_cast<std::uintmax_t>(std::filesystem::file_size(options.output)));
+}
+
+}  // namespace
+
+void add_build_command(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("build", "make the model pack of a finger");
+  command->add_option("spec", options->spec, "finger spec (TOML)")->required();
+  command->add_option("-o,--output", options->output, "model pack to write (.safetensors)")->required();
+  command->add_option("--profile", options->profile, "quick: some minutes; full: the paper's 570 points x 21 forces")
+      ->check(CLI::IsMember({"quick", "full"}))
+      ->capture_default_str();
+  command->add_option("--dataset", options->dataset,
+                      "states made before by hostgen dataset or merge, instead of the profile's; without it they are "
+                      "computed, and an interrupted run goes on from OUTPUT.paths");
+  command->add_option("--save-dataset", options->save_dataset, "keep the states in this file (.safetensors)");
+  command->add_option("--points", options->points, "touched points, instead of the profile's")
+      ->check(CLI::Range(10, 5000));
+  command->add_option("--forces", options->forces, "forces per point, instead of the profile's")
+      ->check(CLI::Range(2, 200));
+  command->add_option("--training-steps", options->training_steps, "Adam steps, instead of the profile's")
+      ->check(CLI::Range(100, 1000000));
+  command->add_option("--seed", options->seed, "of training and noise; same spec and seed, same bytes")
+      ->capture_default_str();
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,94 @@
+// hostgen calibrate FOLDER: images of a ChArUco board -> the lens for the board file.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "firmware/input_error.h"
+#include "hostgen/calibrate/calibration_report.h"
+#include "hostgen/commands/commands.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  fs::path folder, output, plot, print_board;
+  std::string squares = "10x7";
+  double square_mm = 8;
+  int every = 10;
+};
+
+CharucoBoard board_of(const Options& options) {
+  CharucoBoard board;
+  char rest = 0;
+  if (std::sscanf(options.squares.c_str(), "%2dx%2d%c", &board.columns, &board.rows, &rest) != 2) {
+    throw InputError("--squares", "board", options.squares, "columns and rows, such as 10x7");
+  }
+  board.check();
+  return board;
+}
+
+void print_board(const Options& options, const CharucoBoard& board) {
+  const std::string kind = options.print_board.extension().string();
+  if (kind != ".svg" && kind != ".png") {
+    throw InputError("--print-board", "file", options.print_board.string(), "a name that ends in .svg or .png");
+  }
+  write_file_atomically(options.print_board,
+                        kind == ".svg" ? board_svg(board, options.square_mm) : board_png(board, options.square_mm));
+  std::printf("%s: %dx%d squares of %g mm. Print it without scaling, measure a square, and fix it to something flat.\n",
+              options.print_board.c_str(), board.columns, board.rows, options.square_mm);
+}
+
+void calibrate(const Options& options, const CharucoBoard& board) {
+  std::vector<BoardView> views = read_board_views(options.folder, board, options.every);
+  reject_bad_views(board, views);
+  LensCalibration lens;
+  try {
+    lens = calibrate_lens(board, views, options.folder.string());
+  } catch (const InputError&) {
+    std::printf("%s", view_table(views).c_str());
+    throw;
+  }
+  const Coverage coverage = coverage_of(lens, views);
+  std::printf("%s%s", view_table(views).c_str(), calibration_text(lens, coverage).c_str());
+  write_file_atomically(options.output, lens_file(lens, options.folder.string()));
+  std::printf("%s: for the key lens in a board file's [source]\n", options.output.c_str());
+  if (!options.plot.empty()) plot_calibration(lens, views, options.plot);
+}
+
+void run(const Options& options) {
+  const CharucoBoard board = board_of(options);
+  if (!options.print_board.empty()) return print_board(options, board);
+  if (options.folder.empty() || options.output.empty()) {
+    throw InputError("calibrate", "a folder of images and --output are needed, or --print-board; see --help");
+  }
+  calibrate(options, board);
+}
+
+}  // namespace
+
+void add_calibrate_command(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "calibrate",
+      "find the camera's lens from images of a calibration board (.png, .pgm, .y4m), and say what is missing: ten or "
+      "more views of the whole image, tilted to all sides");
+  command->add_option("folder", options->folder, "images, all of the size that finsightd will use; a session too");
+  command->add_option("-o,--output", options->output, "file to write (TOML), for the key lens in a board file");
+  command->add_option("--plot", options->plot, "draw corners and their distance from the model (SVG; needs gnuplot)");
+  command->add_option("--print-board", options->print_board, "only write a board for the printer (.svg or .png)");
+  command->add_option("--squares", options->squares, "of the board: columns x rows, an odd number of rows")
+      ->capture_default_str();
+  command->add_option("--square-mm", options->square_mm, "side of a printed square; the calibration does not need it")
+      ->check(CLI::Range(1.0, 500.0))
+      ->capture_default_str();
+  command->add_option("--every", options->every, "look at one frame of so many in .y4m files")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace finsight::host

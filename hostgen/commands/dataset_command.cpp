@@ -1,0 +1,97 @@
+// hostgen dataset: the training truth, whole or as a shard for a cluster; hostgen merge: shards -> the whole set.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "firmware/input_error.h"
+#include "hostgen/commands/commands.h"
+#include "hostgen/fem/dataset.h"
+#include "hostgen/fem/deformation.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+namespace {
+
+struct Options {
+  std::filesystem::path spec, output;
+  std::string shard;
+  DatasetPlan plan;
+};
+
+/// "3/8" is the third of eight.
+Shard parse_shard(const std::string& text) {
+  int index = 0, count = 0, used = 0;
+  if (std::sscanf(text.c_str(), "%d/%d%n", &index, &count, &used) != 2 ||
+      static_cast<std::size_t>(used) != text.size() || index < 1 || index > count) {
+    throw InputError("command line", "--shard", "'" + text + "'", "i/n with 1 <= i <= n, such as 3/8");
+  }
+  return {index - 1, count};
+}
+
+void print_summary(const std::filesystem::path& file, const FemDataset& dataset) {
+  std::printf("%s: %zu states: %zu valid, %zu pushed too far, %zu without equilibrium\n", file.c_str(),
+              dataset.states.size(), dataset.count(Outcome::kEquilibrium), dataset.count(Outcome::kPushedTooFar),
+              dataset.count(Outcome::kNoEquilibrium));
+}
+
+void run(const Options& options) {
+  const FingerSpec spec = read_finger_spec(options.spec);
+  const Shard shard = options.shard.empty() ? Shard{} : parse_shard(options.shard);
+  if (shard.count > options.plan.points) {
+    throw InputError("command line", "--shard", options.shard, "at most one shard per point");
+  }
+  check_writable(options.output, {options.spec});
+  const std::filesystem::path resume = options.output.string() + ".paths";
+  const TetMesh mesh = make_mesh(spec);
+  const FemDataset dataset = make_dataset(spec, mesh, options.plan, shard, resume);
+  write_dataset(options.output, dataset);
+  std::filesystem::remove_all(resume);
+  print_summary(options.output, dataset);
+  if (dataset.count(Outcome::kEquilibrium) == 0) {
+    throw std::runtime_error(options.output.string() + ": no load reached equilibrium; nothing can be learned from it");
+  }
+  const DeformationRise rise = measure_deformation_rise(dataset, mesh.front_nodes);
+  std::printf("%s\n", deformation_text(rise, spec.rated_deformation_mm).c_str());
+}
+
+}  // namespace
+
+void add_dataset_command(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("dataset", "compute finite-element states of the touched finger");
+  command->add_option("spec", options->spec, "finger spec (TOML)")->required();
+  command
+      ->add_option("-o,--output", options->output,
+                   "file to write (.safetensors); an interrupted run keeps finished paths in OUTPUT.paths and goes on "
+                   "there when it is started again")
+      ->required();
+  command->add_option("--points", options->plan.points, "touched points")
+      ->check(CLI::Range(1, 5000))
+      ->capture_default_str();
+  command->add_option("--forces", options->plan.forces, "forces per point, over the spec's range")
+      ->check(CLI::Range(1, 200))
+      ->capture_default_str();
+  command->add_option("--shard", options->shard,
+                      "i/n: only the i-th of n equal parts; hostgen merge puts them together");
+  command->callback([options] { run(*options); });
+}
+
+void add_merge_command(CLI::App& app) {
+  struct MergeOptions {
+    std::vector<std::filesystem::path> shards;
+    std::filesystem::path output;
+  };
+  const auto options = std::make_shared<MergeOptions>();
+  CLI::App* command = app.add_subcommand("merge", "put the shards of hostgen dataset together");
+  command->add_option("shards", options->shards, "all files of --shard 1/n ... n/n, in any order")->required();
+  command->add_option("-o,--output", options->output, "file to write (.safetensors)")->required();
+  command->callback([options] {
+    for (const std::filesystem::path& shard : options->shards) check_writable(options->output, {shard});
+    const FemDataset dataset = merge_datasets(options->shards);
+    write_dataset(options->output, dataset);
+    print_summary(options->output, dataset);
+  });
+}
+
+}  // namespace finsight::host

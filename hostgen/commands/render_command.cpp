@@ -1,0 +1,205 @@
+// hostgen render: finger spec -> a touch that moves over the face -> what the camera would see of it -> session.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <system_error>
+
+#include "firmware/input_error.h"
+#include "firmware/ports/session.h"
+#include "hostgen/commands/commands.h"
+#include "hostgen/finger/grid.h"
+#include "hostgen/render/renderer.h"
+#include "hostgen/render/scenes.h"
+#include "hostgen/render/touch_path.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kFramesPerSecond = 60;
+
+struct Options {
+  fs::path spec, output;
+  std::string size = "640x480", preset = "lab", motion = "wander", event = "none";
+  double seconds = 12;
+  std::uint64_t seed = 1;
+};
+
+template <class Value>
+std::vector<std::string> names_of(const std::vector<std::pair<std::string, Value>>& named) {
+  std::vector<std::string> names;
+  for (const auto& [name, value] : named) names.push_back(name);
+  return names;
+}
+
+/// `name` is one of them: CLI11 has checked it.
+template <class Value>
+Value value_of(const std::vector<std::pair<std::string, Value>>& named, const std::string& name) {
+  return std::find_if(named.begin(), named.end(), [&](const auto& pair) { return pair.first == name; })->second;
+}
+
+const std::map<std::string, std::size_t> kCameraOfSize = {{"1280x720", 0}, {"640x480", 1}};
+
+/// A folder that gets its name only when it is complete. What has the name before is replaced if it is a session too.
+class PendingFolder {
+ public:
+  explicit PendingFolder(fs::path target)
+      : target_(target.has_filename() ? std::move(target) : target.parent_path()),
+        temporary_(target_.string() + ".part" + std::to_string(getpid())) {
+    if (fs::exists(target_) && !fs::exists(target_ / kSessionInfo)) {
+      throw InputError(target_.string(), "exists and is not a session, so it is not replaced");
+    }
+    fs::create_directories(temporary_);
+  }
+  ~PendingFolder() {
+    std::error_code ignored;  // after finish() there is nothing left to remove
+    fs::remove_all(temporary_, ignored);
+  }
+  PendingFolder(const PendingFolder&) = delete;
+  PendingFolder& operator=(const PendingFolder&) = delete;
+
+  const fs::path& path() const { return temporary_; }
+  void finish() {
+    const fs::path before = target_.string() + ".old" + std::to_string(getpid());
+    if (fs::exists(target_)) fs::rename(target_, before);
+    fs::rename(temporary_, target_);
+    fs::remove_all(before);
+  }
+
+ private:
+  fs::path target_, temporary_;
+};
+
+SessionInfo session_info(const FingerSpec& spec, const CameraIntrinsics& c, const Options& options) {
+  SessionInfo info{.width_px = c.width_px,
+                   .height_px = c.height_px,
+                   .frames_per_second = kFramesPerSecond,
+                   .fx_fy_cx_cy = {c.fx, c.fy, c.cx, c.cy},
+                   .k1_k2_p1_p2_k3 = {c.k1, c.k2, c.p1, c.p2, c.k3},
+                   .marker_dictionary = "DICT_4X4_50",
+                   .marker_id = {},
+                   .marker_size_mm = spec.marker_size_mm,
+                   .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " +
+                                  options.motion + ", event " + options.event + ", seed " +
+                                  std::to_string(options.seed)};
+  for (int plate = 0; plate < kPlates; ++plate) info.marker_id[plate] = spec.plates[plate].marker_id;
+  return info;
+}
+
+/// One row per frame: the truth that the images were rendered from. While force_n is 0 the point is where the next
+/// touch will be.
+std::string truth_csv(const std::vector<FemState>& states) {
+  std::string text = "frame,time_s";
+  const auto add_names = [&](const std::string& name, const std::string& unit) {
+    for (const char axis : {'x', 'y', 'z'}) text += "," + name + "_" + axis + "_" + unit;
+  };
+  const auto add = [&](double value) {
+    char buffer[32];
+    std::snprintf(buffer, sizeof buffer, ",%.6f", value);
+    text += buffer;
+  };
+  const auto add_vector = [&](const Vec3f& vector) {
+    for (const float value : vector) add(value);
+  };
+  add_names("point", "mm");
+  add_names("contact", "mm");
+  text += ",force_n";
+  for (const std::string plate : kPlateNames) {
+    add_names(plate + "_displacement", "mm");
+    add_names(plate + "_rotation", "rad");
+  }
+  for (std::size_t frame = 0; frame < states.size(); ++frame) {
+    const FemState& state = states[frame];
+    text += "\n" + std::to_string(frame);
+    add(static_cast<double>(frame) / kFramesPerSecond);
+    add_vector(state.point_mm);
+    add_vector(state.contact_mm);
+    add(state.force_n);
+    for (const PlateMotion& plate : state.plates) {
+      add_vector(plate.displacement_mm);
+      add_vector(plate.rotation_rad);
+    }
+  }
+  return text + "\n";
+}
+
+void write_images(const fs::path& file, const FingerSpec& spec, const CameraIntrinsics& camera,
+                  const std::vector<FemState>& states, const Options& options) {
+  const ImageQuality quality = image_preset(options.preset);
+  Renderer renderer(spec, camera, quality, 2 * options.seed + 1);
+  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, value_of(session_events(), options.event));
+  Y4mWriter writer(file, camera.width_px, camera.height_px, kFramesPerSecond);
+  Progress progress("images", states.size());
+  std::vector<std::uint8_t> grey;
+  for (std::size_t frame = 0; frame < states.size(); ++frame) {
+    if (interrupted()) throw Interrupted();
+    if (!scenes.is_frozen(frame)) renderer.render(scenes.exposure(frame), grey);
+    writer.write(grey.data());
+    progress.advance();
+  }
+  writer.finish();
+}
+
+void print_summary(const std::vector<FemState>& states, const Options& options) {
+  std::ptrdiff_t touched = 0;
+  float force_n = 0, motion_mm = 0;
+  for (const FemState& state : states) {
+    touched += state.force_n > 0;
+    force_n = std::max(force_n, state.force_n);
+    for (const PlateMotion& plate : state.plates) motion_mm = std::max(motion_mm, plate.displacement_mm.norm());
+  }
+  std::printf("%s: %zu frames of %s at %d per second, touched in %td, up to %.1f N and %.1f mm of plate motion\n",
+              options.output.c_str(), states.size(), options.size.c_str(), kFramesPerSecond, touched, force_n,
+              motion_mm);
+}
+
+void run(const Options& options) {
+  if (!std::isfinite(options.seconds)) throw InputError("command line", "--seconds", "not a number", "0.1 ... 600");
+  const FingerSpec spec = read_finger_spec(options.spec);
+  const CameraIntrinsics& camera = spec.cameras[kCameraOfSize.at(options.size)];
+  PendingFolder folder(options.output);
+  const int frames = std::max(1, static_cast<int>(std::lround(options.seconds * kFramesPerSecond)));
+  // Two independent streams of random numbers from one seed: the touch does not depend on the image's size.
+  const TouchPlan plan(spec, options.seconds, 2 * options.seed, value_of(touch_paths(), options.motion));
+  std::vector<FemState> states = make_touch_path(spec, make_mesh(spec), plan, frames, kFramesPerSecond);
+  if (value_of(session_events(), options.event) == SessionEvent::kShaken) shake(spec, kFramesPerSecond, states);
+  write_images(folder.path() / kSessionFrames, spec, camera, states, options);
+  write_file_atomically(folder.path() / kSessionTruth, truth_csv(states));
+  write_file_atomically(folder.path() / kSessionInfo, session_info_toml(session_info(spec, camera, options)));
+  folder.finish();
+  print_summary(states, options);
+}
+
+}  // namespace
+
+void add_render_command(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand("render", "make a session: what the camera would see of a wandering touch");
+  command->add_option("spec", options->spec, "finger spec (TOML)")->required();
+  command->add_option("-o,--output", options->output, "session folder to write")->required();
+  command->add_option("--size", options->size, "1280x720 (55 MB per second) or 640x480 (18 MB per second)")
+      ->check(CLI::IsMember(kCameraOfSize))
+      ->capture_default_str();
+  command->add_option("--preset", options->preset, "quality of the images")
+      ->check(CLI::IsMember(image_presets()))
+      ->capture_default_str();
+  command->add_option("--motion", options->motion, "how the touch moves over the face")
+      ->check(CLI::IsMember(names_of(touch_paths())))
+      ->capture_default_str();
+  command->add_option("--event", options->event, "what happens in the middle third")
+      ->check(CLI::IsMember(names_of(session_events())))
+      ->capture_default_str();
+  command->add_option("--seconds", options->seconds, "length")->check(CLI::Range(0.1, 600.0))->capture_default_str();
+  command->add_option("--seed", options->seed, "of the touch's way and of the noise")->capture_default_str();
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace finsight::host

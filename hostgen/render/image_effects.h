@@ -1,0 +1,25 @@
+// What spoils a whole image, whatever it shows: reflections, dirt, bars, and compression.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "hostgen/render/image_quality.h"
+#include "hostgen/util/random.h"
+
+namespace finsight::host {
+
+/// Fixed in the image: a pixel's grey level is what the scene gives it times `transmission` plus `glare`. Both are
+/// [height * width]; empty where the quality asks for none.
+struct ImageFilm {
+  std::vector<float> transmission, glare;
+  ImageFilm() = default;
+  ImageFilm(const ImageQuality& quality, int width_px, int height_px, Random& random);
+};
+
+/// Rounds the cosine coefficients of every block of 8 x 8 pixels to steps of JPEG's luminance table (ITU T.81, table
+/// K.1) at this quality, 1 ... 100, as the IJG's library scales it. What is left over at the right and lower border
+/// stays.
+void compress_like_jpeg(std::vector<std::uint8_t>& grey, int width_px, int height_px, int quality);
+
+}  // namespace finsight::host

@@ -1,0 +1,33 @@
+// How a rendered image is spoiled: by the lens, the light, dirt, motion, the sensor, and compression.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace finsight::host {
+
+/// Grey levels 0 ... 255, lengths in pixels.
+struct ImageQuality {
+  double blur_px = 0.6;            ///< standard deviation of the lens's blur where it is sharp
+  double defocus_px = 0;           ///< further blur of a plate at z: this times |1 - focus_mm / z|
+  double focus_mm = 100;           ///< distance at which plates are sharp
+  double exposure_s = 0;           ///< plates move during it
+  double read_noise = 1.5;         ///< standard deviation, grey levels
+  double shot_noise = 0.15;        ///< standard deviation is this times the square root of the grey level
+  double white = 205, black = 28;  ///< grey of lit paper and of ink
+  double plate = 105;              ///< grey of a plate beside its paper
+  double background = 70;          ///< grey of the finger's inside
+  double vignetting = 0.35;        ///< share of the light lost in the corner of the image
+  double light_gradient = 0.25;    ///< relative difference of the light from left to right
+  int hot_spots = 0;               ///< reflections of the LEDs, at fixed places
+  int dirt = 0;                    ///< dark specks on the lens
+  int beams = 0;                   ///< dark bars of the finger that reach into the image from its sides
+  int jpeg_quality = 100;          ///< below 100: blocks are rounded as JPEG rounds them
+};
+
+/// "lab": a clean finger in good light. "factory": dust, reflections, a lens that is not sharp at all depths, 4 ms of
+/// exposure. "worst": little light, 8 ms, much of everything. Throws std::invalid_argument for another name.
+ImageQuality image_preset(const std::string& name);
+std::vector<std::string> image_presets();
+
+}  // namespace finsight::host

@@ -1,0 +1,163 @@
+#include "hostgen/util/common.h"
+
+#include <fcntl.h>
+#include <openssl/sha.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+#include "firmware/input_error.h"
+
+namespace finsight::host {
+
+namespace {
+std::atomic<bool> interrupt_flag{false};
+}
+
+bool interrupted() { return interrupt_flag.load(std::memory_order_relaxed); }
+
+void catch_interrupts() {
+  const auto handler = [](int) { interrupt_flag.store(true, std::memory_order_relaxed); };
+  std::signal(SIGINT, handler);
+  std::signal(SIGTERM, handler);
+}
+
+struct Progress::State {
+  std::string label;
+  std::size_t total;
+  std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+  std::chrono::steady_clock::time_point shown = start;
+  std::size_t done = 0;
+  bool visible = false;
+  bool terminal = isatty(STDERR_FILENO) != 0;
+  std::mutex mutex;
+};
+
+Progress::Progress(std::string label, std::size_t total)
+    : state_(new State{.label = std::move(label), .total = total, .mutex = {}}) {}
+
+Progress::~Progress() {
+  if (state_->visible) {
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - state_->start;
+    std::fprintf(stderr, "%s%s: %zu of %zu in %.1f s\n", state_->terminal ? "\r\033[K" : "", state_->label.c_str(),
+                 state_->done, state_->total, elapsed.count());
+  }
+  delete state_;
+}
+
+void Progress::advance(std::size_t done) {
+  const std::lock_guard lock(state_->mutex);
+  state_->done += done;
+  const auto now = std::chrono::steady_clock::now();
+  // A terminal is redrawn five times a second, a log gets a line every ten seconds.
+  const auto pause =
+      state_->visible ? std::chrono::milliseconds(state_->terminal ? 200 : 10000) : std::chrono::milliseconds(2000);
+  if (now - state_->shown < pause) return;
+  state_->shown = now;
+  state_->visible = true;
+  const double elapsed_s = std::chrono::duration<double>(now - state_->start).count();
+  const double left_s = elapsed_s * static_cast<double>(state_->total - std::min(state_->done, state_->total)) /
+                        static_cast<double>(std::max<std::size_t>(state_->done, 1));
+  std::fprintf(stderr, "%s%s: %zu of %zu, about %.0f s left%s", state_->terminal ? "\r\033[K" : "",
+               state_->label.c_str(), state_->done, state_->total, left_s, state_->terminal ? "" : "\n");
+  std::fflush(stderr);
+}
+
+void parallel_for(std::size_t count, const std::function<void(std::size_t)>& work) {
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr failure;
+  std::mutex failure_mutex;
+  const auto worker = [&] {
+    for (std::size_t index = next++; index < count; index = next++) {
+      try {
+        if (interrupted()) throw Interrupted();
+        work(index);
+      } catch (...) {
+        const std::lock_guard lock(failure_mutex);
+        if (!failure) failure = std::current_exception();
+        next = count;
+      }
+    }
+  };
+  const std::size_t cores = std::max(1u, std::thread::hardware_concurrency());
+  std::vector<std::jthread> threads;
+  for (std::size_t i = 1; i < std::min(cores, count); ++i) threads.emplace_back(worker);
+  worker();
+  threads.clear();  // joins
+  if (failure) std::rethrow_exception(failure);
+}
+
+void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes) {
+  const auto fail = [&](const char* what) {
+    throw std::system_error(errno, std::generic_category(), file.string() + ": " + what);
+  };
+  if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path());
+  const std::string temporary = file.string() + ".part" + std::to_string(getpid());
+  const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (fd < 0) fail("cannot create");
+  for (std::size_t at = 0; at < bytes.size();) {
+    const ssize_t written = write(fd, bytes.data() + at, bytes.size() - at);
+    if (written < 0) {
+      close(fd);
+      unlink(temporary.c_str());
+      fail("cannot write");
+    }
+    at += static_cast<std::size_t>(written);
+  }
+  if (fsync(fd) != 0 || close(fd) != 0 || rename(temporary.c_str(), file.c_str()) != 0) {
+    unlink(temporary.c_str());
+    fail("cannot finish");
+  }
+}
+
+void write_file_atomically(const std::filesystem::path& file, const std::string& text) {
+  write_file_atomically(file, std::as_bytes(std::span(text)));
+}
+
+void check_writable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> read) {
+  for (const std::filesystem::path& input : read) {
+    std::error_code none;  // of a file that is not there
+    if (std::filesystem::equivalent(file, input, none)) {
+      throw InputError(file.string(), "is read by this command, expected another file to write");
+    }
+  }
+  if (!file.has_filename() || std::filesystem::is_directory(file)) {
+    throw InputError(file.string(), "is a folder, expected a file to write");
+  }
+  const std::filesystem::path probe = file.parent_path() / (".probe" + std::to_string(getpid()));
+  try {
+    write_file_atomically(probe, std::string());
+  } catch (const std::system_error& error) {
+    throw std::system_error(error.code(), file.string() + ": cannot be written");
+  }
+  std::filesystem::remove(probe);
+}
+
+std::string read_file(const std::filesystem::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) throw InputError(file.string(), "cannot be opened");
+  if (std::filesystem::is_directory(file)) throw InputError(file.string(), "is a folder, expected a file");
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::string sha256_hex(std::string_view bytes) {
+  unsigned char digest[SHA256_DIGEST_LENGTH];
+  SHA256(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(), digest);
+  std::string hex;
+  for (const unsigned char byte : digest) {
+    constexpr char kDigits[] = "0123456789abcdef";
+    hex += kDigits[byte >> 4];
+    hex += kDigits[byte & 15];
+  }
+  return hex;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,166 @@
+#include "firmware/device/commands.h"
+
+#include <doctest/doctest.h>
+
+#include <array>
+#include <chrono>
+#include <thread>
+
+#include "tests/count_allocations.h"
+#include "tests/model/scratch_folder.h"
+#include "tests/model/tiny_model.h"
+
+using namespace finsight;
+
+namespace {
+
+const Model& model() {
+  static const Model the_model = test::TinyModel().open();
+  return the_model;
+}
+
+PlatePoses resting(float size) {
+  std::array<float, 18> numbers{};
+  for (std::size_t p = 0; p < kPlates; ++p) numbers[6 * p + 2] = size;
+  return seen_poses(numbers);
+}
+
+/// A device without a camera: a client's writes on one side, frames on the other.
+struct Device {
+  explicit Device(const std::filesystem::path& file = {}, const SavedState& saved = {})
+      : loop(model(), std::nullopt, {.shape = {}, .runtime = saved.settings}),
+        control(kDefaultWriteKey, RuntimeSettings{}, saved.settings) {
+    if (!file.empty()) saver.emplace(file);
+    write(kKeyRegister, {kDefaultWriteKey});
+    commands.emplace(control, loop, saver ? &*saver : nullptr, nullptr, saved);
+  }
+  Exception write(int address, std::vector<std::uint16_t> words) { return control.write(address, words, access, 0); }
+  std::uint16_t read(int address) {
+    std::uint16_t word = 0;
+    control.read(address, {&word, 1}, access, 0);
+    return word;
+  }
+  const RegisterImage& frame(const PlatePoses& poses) {
+    commands->poll();
+    now_ns += 16'666'667;
+    return loop.step({.poses = &poses, .exposure_ns = now_ns, .sequence = sequence++});
+  }
+  /// Frames until the command has ended; its result.
+  int result_of(Command command, const PlatePoses& poses) {
+    const std::uint16_t number = static_cast<std::uint16_t>(read(kResultSequenceRegister) + 1);
+    REQUIRE(write(kCommandRegister, {static_cast<std::uint16_t>(command), number}) == Exception::kNone);
+    for (int i = 0; i < 3000; ++i) {
+      frame(poses);
+      if (read(kResultSequenceRegister) == number) return read(kResultRegister);
+      if (command == Command::kSave) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return -1;
+  }
+
+  FrameLoop loop;
+  Control control;
+  std::optional<StateSaver> saver;
+  std::optional<Commands> commands;
+  ClientAccess access{.may_write = true};
+  std::int64_t now_ns = 1'000'000'000;
+  std::uint32_t sequence = 0;
+};
+
+}  // namespace
+
+TEST_CASE("commands: zero, save, and the zero is there after a restart") {
+  const test::ScratchFolder folder;
+  const auto file = folder / "state.toml";
+  {
+    Device device(file);
+    CHECK(static_cast<std::int16_t>(device.frame(resting(1)).words[16]) == 100);
+    CHECK(device.result_of(Command::kZero, resting(1)) == 0);
+    const RegisterImage& image = device.frame(resting(1.5F));
+    CHECK(static_cast<std::int16_t>(image.words[16]) == 50);
+    CHECK((image.words[0] & (kZeroed | kSettingsUnsaved)) == (kZeroed | kSettingsUnsaved));
+    CHECK(device.result_of(Command::kSave, resting(1)) == 0);
+    CHECK((device.frame(resting(1)).words[0] & (kZeroed | kSettingsUnsaved)) == kZeroed);
+  }
+  Device device(file, *load_state(file));
+  const RegisterImage& image = device.frame(resting(1.5F));
+  CHECK(static_cast<std::int16_t>(image.words[16]) == 50);
+  CHECK((image.words[0] & (kZeroed | kSettingsUnsaved)) == kZeroed);
+}
+
+TEST_CASE("commands: a zero of a touched finger is not possible") {
+  Device device;
+  CHECK(device.result_of(Command::kZero, resting(5)) == 1);
+  CHECK((device.frame(resting(1)).words[0] & kZeroed) == 0);
+}
+
+TEST_CASE("commands: without a place to save or record they are not configured") {
+  Device device;
+  CHECK(device.result_of(Command::kSave, resting(0)) == 2);
+  CHECK(device.result_of(Command::kRecord, resting(0)) == 2);
+  CHECK(device.result_of(Command::kStopRecording, resting(0)) == 2);
+}
+
+TEST_CASE("commands: a setting counts from the next frame on, and is unsaved until it is saved or taken back") {
+  Device device;
+  CHECK(device.frame(resting(1)).words[46] == 0x1234);
+  REQUIRE(device.write(1019, {1}) == Exception::kNone);
+  CHECK(device.frame(resting(1)).words[46] == 0x5678);
+  CHECK((device.frame(resting(1)).words[0] & kSettingsUnsaved) != 0);
+  REQUIRE(device.write(1019, {0}) == Exception::kNone);
+  CHECK((device.frame(resting(1)).words[0] & kSettingsUnsaved) == 0);
+}
+
+TEST_CASE("commands: factory settings come back at once, the zero goes, and what is saved stays") {
+  const test::ScratchFolder folder;
+  SavedState saved;
+  saved.settings[kWordOrder] = 1;
+  saved.zero.emplace();
+  Device device(folder / "state.toml", saved);
+  CHECK((device.frame(resting(1)).words[0] & (kZeroed | kSettingsUnsaved)) == kZeroed);
+  CHECK(device.result_of(Command::kFactory, resting(1)) == 0);
+  const RegisterImage& image = device.frame(resting(1));
+  CHECK(image.words[46] == 0x1234);
+  CHECK((image.words[0] & (kZeroed | kSettingsUnsaved)) == kSettingsUnsaved);
+  CHECK(device.read(1019) == 0);
+}
+
+TEST_CASE("commands: a lasting fault stays until it is cleared") {
+  Device device;
+  device.loop.set_lasting_fault(FaultCode::kSavedSettings);
+  CHECK(device.frame(resting(1)).words[1] == 7);
+  CHECK((device.frame(resting(1)).words[0] & kAnyFault) != 0);
+  CHECK(device.result_of(Command::kClearFault, resting(1)) == 0);
+  CHECK(device.frame(resting(1)).words[1] == 0);
+}
+
+TEST_CASE("commands: reset is reported as done and asked for") {
+  Device device;
+  CHECK(device.result_of(Command::kReset, resting(1)) == 0);
+  CHECK(device.commands->reset_is_ordered());
+  CHECK_FALSE(device.commands->reset_is_due());  // its result can be read first
+  std::this_thread::sleep_for(std::chrono::nanoseconds(kResultIsShownNs));
+  CHECK(device.commands->reset_is_due());
+}
+
+TEST_CASE("commands: the trigger starts its command and none while another one runs") {
+  Device device;
+  device.commands->trigger();
+  CHECK((device.frame(resting(1)).words[0] & kZeroed) == 0);
+  REQUIRE(device.write(1021, {1}) == Exception::kNone);
+  device.frame(resting(1));
+  device.commands->trigger();
+  for (int i = 0; i <= Zeroing::kFrames; ++i) device.frame(resting(1));
+  CHECK((device.frame(resting(1)).words[0] & kZeroed) != 0);
+  CHECK(device.read(kResultSequenceRegister) == 0);  // nobody ordered it
+}
+
+TEST_CASE("commands: a turn does not allocate") {
+  Device device;
+  REQUIRE(device.write(kCommandRegister, {1, 1}) == Exception::kNone);
+  const PlatePoses poses = resting(1);
+  device.frame(poses);
+  const long before = test::allocations;
+  for (int i = 0; i <= Zeroing::kFrames; ++i) device.frame(poses);
+  CHECK(test::allocations == before);
+  CHECK(device.read(kResultSequenceRegister) == 1);
+}
