@@ -1,25 +1,20 @@
 #include "firmware/loop/zero.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <utility>
+
+#include "firmware/geometry/so3.h"
 
 namespace finsight {
 
 namespace {
 
-Eigen::AngleAxisf rotation(const Vec3f& vector) {
-  const float angle = vector.norm();
-  return angle > 0 ? Eigen::AngleAxisf(angle, vector / angle) : Eigen::AngleAxisf::Identity();
-}
-
 /// The motion that takes a plate from where it is at the zero to where it is now. A point X of the plate is at
 /// Z (X - c) + c + z at the zero and at R (X - c) + c + d now; so from one to the other it is turned by R Z^-1 about
 /// the marker's centre and moved by d - z.
 PlateMotion since(const PlateMotion& zero, const PlateMotion& now) {
-  const Eigen::AngleAxisf turned(rotation(now.rotation_rad).toRotationMatrix() *
-                                 rotation(zero.rotation_rad).toRotationMatrix().transpose());
-  return {now.displacement_mm - zero.displacement_mm, turned.angle() * turned.axis()};
+  const Eigen::Matrix3f rotation = so3_exp(now.rotation_rad) * so3_exp(zero.rotation_rad).transpose();
+  return {now.displacement_mm - zero.displacement_mm, so3_log(rotation)};
 }
 
 }  // namespace

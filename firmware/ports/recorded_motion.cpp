@@ -4,6 +4,7 @@
 #include <fstream>
 #include <set>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
 
@@ -76,15 +77,6 @@ Eigen::Vector3d vector(const Row& row, int column, const Place& place) {
   return {number(row, column, place), number(row, column + 1, place), number(row, column + 2, place)};
 }
 
-/// Axis times angle of the shorter way round.
-Eigen::Vector3d rotation_vector(Eigen::Quaterniond q) {
-  q.normalize();
-  if (q.w() < 0) q.coeffs() = -q.coeffs();
-  const double sine = q.vec().norm();
-  if (sine < 1e-12) return 2 * q.vec();
-  return 2 * std::atan2(sine, q.w()) / sine * q.vec();
-}
-
 PlatePoses top_plate_poses(const Row& row, const Place& place) {
   // Columns: the marker's axes in the finger frame.
   const Eigen::Matrix3d R_finger_marker{{0, -1, 0}, {0, 0, -1}, {1, 0, 0}};
@@ -96,7 +88,7 @@ PlatePoses top_plate_poses(const Row& row, const Place& place) {
   PlatePoses poses;
   PlateMotion& top = poses.plates[kTopPlate];
   top.displacement_mm = (R_finger_marker * vector(row, kTranslation, place)).cast<float>();
-  top.rotation_rad = (R_finger_marker * rotation_vector(q)).cast<float>();
+  top.rotation_rad = (R_finger_marker * so3_log(q.normalized().toRotationMatrix())).cast<float>();
   poses.seen[kTopPlate] = true;
   poses.quality = Quality::kFresh;
   return poses;

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <utility>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 
 namespace finsight {
@@ -20,17 +21,15 @@ Vector3d vector(TomlTable& table, const char* key, double largest) {
 }
 
 Eigen::Isometry3d read_pose(TomlTable table) {
-  const Vector3d turn = vector(table, "turn_deg", 360) / kDegPerRad;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  if (turn.norm() > 0) pose.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+  pose.linear() = so3_exp(vector(table, "turn_deg", 360) / kDegPerRad);
   pose.translation() = vector(table, "position_mm", 1000);
   table.finish();
   return pose;
 }
 
 std::string pose_toml(const char* name, const Eigen::Isometry3d& pose) {
-  const Eigen::AngleAxisd turn(pose.linear());
-  const Vector3d p = pose.translation(), w = turn.angle() * kDegPerRad * turn.axis();
+  const Vector3d p = pose.translation(), w = kDegPerRad * so3_log(pose.linear());
   char text[256];
   std::snprintf(text, sizeof text, "[%s]\nposition_mm = [%.4f, %.4f, %.4f]\nturn_deg = [%.4f, %.4f, %.4f]\n", name,
                 p.x(), p.y(), p.z(), w.x(), w.y(), w.z());
@@ -47,7 +46,7 @@ Eigen::Isometry3f checked(const char* name, const Eigen::Isometry3f& model, cons
                      "at most " + std::to_string(largest) + unit + "; is it the mount of another finger?");
   };
   require(off.translation().norm(), kLargestMountShift_mm, " mm");
-  require(Eigen::AngleAxisd(off.linear()).angle() * kDegPerRad, kLargestMountTurn_deg, " deg");
+  require(so3_log(off.linear()).norm() * kDegPerRad, kLargestMountTurn_deg, " deg");
   return measured.cast<float>();
 }
 

@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 
 namespace finsight {
@@ -12,9 +13,7 @@ namespace finsight {
 PlateMotions plate_motions(const PlatePoses& poses) {
   PlateMotions motions;
   for (int p = 0; p < kPlates; ++p) {
-    const Eigen::Vector3d rotation = poses.plates[p].rotation_rad.cast<double>();
-    const double angle = rotation.norm();
-    if (angle > 0) motions[p].rotation = Eigen::AngleAxisd(angle, rotation / angle);
+    motions[p].rotation = so3_exp(poses.plates[p].rotation_rad.cast<double>());
     motions[p].displacement_mm = poses.plates[p].displacement_mm.cast<double>();
   }
   return motions;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 
 namespace finsight {
@@ -26,34 +27,6 @@ constexpr double kMinSigmaPx = 0.01, kMaxSigmaPx = 1;
 
 double corner_weight(double sigmas_sq) {
   return 1 / std::sqrt(1 + sigmas_sq / (kLinearFromSigmas * kLinearFromSigmas));
-}
-
-Matrix3d cross_matrix(const Vector3d& v) {
-  Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
-/// exp(w) and its left Jacobian: exp(w + dw) = exp(Jl dw) exp(w) to first order. Series below 1e-4 rad, where the
-/// closed forms lose their digits.
-struct Turn {
-  explicit Turn(const Vector3d& w) {
-    const double angle2 = w.squaredNorm(), angle = std::sqrt(angle2);
-    const bool small = angle < 1e-4;
-    const double a = small ? 1 - angle2 / 6 : std::sin(angle) / angle;
-    const double b = small ? 0.5 - angle2 / 24 : (1 - std::cos(angle)) / angle2;
-    const double c = small ? 1.0 / 6 - angle2 / 120 : (angle - std::sin(angle)) / (angle2 * angle);
-    const Matrix3d k = cross_matrix(w), kk = k * k;
-    rotation = Matrix3d::Identity() + a * k + b * kk;
-    left_jacobian = Matrix3d::Identity() + b * k + c * kk;
-  }
-  Matrix3d rotation, left_jacobian;
-};
-
-/// The rotation vector of R, also close to half a turn.
-Vector3d rotation_vector(const Matrix3d& R) {
-  const Eigen::AngleAxisd turn(R);
-  return turn.angle() * turn.axis();
 }
 
 }  // namespace
@@ -94,7 +67,7 @@ Eigen::Matrix<double, 6, 1> PlateEstimator::motion(std::size_t plate, const Eige
   const Eigen::Isometry3d T_finger_marker = T_finger_camera_ * T_camera_marker;
   Vector6 numbers;
   numbers.head<3>() = T_finger_marker.translation() - rest_[plate].centre;
-  numbers.tail<3>() = rotation_vector(T_finger_marker.linear() * rest_[plate].R_finger_marker.transpose());
+  numbers.tail<3>() = so3_log(T_finger_marker.linear() * rest_[plate].R_finger_marker.transpose());
   return numbers;
 }
 
@@ -103,12 +76,13 @@ Eigen::Matrix<double, 6, 1> PlateEstimator::motion(std::size_t plate, const Eige
 bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const Numbers& numbers, Matrix6& information,
                                Vector6& gradient, double& residual_sq) const {
   const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
-  const Turn turn(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
+  const Vector3d w = numbers.segment<3>(6 * static_cast<int>(plate) + 3);
+  const Matrix3d R = so3_exp(w), left_jacobian = so3_left_jacobian(w);
   const double scale = focal_px_ / sight.corner_sigma_px;
   information.setZero();
   gradient.setZero();
   for (std::size_t k = 0; k < 4; ++k) {
-    const Vector3d arm = turn.rotation * rest_[plate].corner[k];
+    const Vector3d arm = R * rest_[plate].corner[k];
     const Vector3d seen = T_camera_finger_ * (arm + rest_[plate].centre + d);
     if (!(seen.z() > kNearestMm)) return false;
     const Vector2d ray = seen.head<2>() / seen.z();
@@ -116,7 +90,7 @@ bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const
     by_place << 1, 0, -ray.x(), 0, 1, -ray.y();
     by_place = (by_place * T_camera_finger_.linear() / seen.z()).eval();
     Eigen::Matrix<double, 2, 6> jacobian;
-    jacobian << by_place, -by_place * cross_matrix(arm) * turn.left_jacobian;
+    jacobian << by_place, -by_place * cross_matrix(arm) * left_jacobian;
     jacobian *= scale;
     const Vector2d residual = scale * (ray - sight.rays[plate][k]);
     const double weight = corner_weight(residual.squaredNorm());
@@ -161,9 +135,9 @@ PlateEstimator::Numbers PlateEstimator::estimate(PlateSight& sight, const Number
 bool PlateEstimator::reproject(const PlateSight& sight, std::size_t plate, const Numbers& numbers,
                                std::array<double, 4>& distance_px) const {
   const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
-  const Turn turn(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
+  const Matrix3d R = so3_exp(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
   for (std::size_t k = 0; k < 4; ++k) {
-    const Vector3d seen = T_camera_finger_ * (turn.rotation * rest_[plate].corner[k] + rest_[plate].centre + d);
+    const Vector3d seen = T_camera_finger_ * (R * rest_[plate].corner[k] + rest_[plate].centre + d);
     if (!(seen.z() > kNearestMm)) return false;
     distance_px[k] = focal_px_ * (seen.head<2>() / seen.z() - sight.rays[plate][k]).norm();
   }

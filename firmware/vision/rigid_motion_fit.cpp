@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "firmware/geometry/plate_motion.h"
+#include "firmware/geometry/so3.h"
 
 namespace finsight {
 
@@ -15,11 +16,6 @@ using Eigen::Vector3d;
 constexpr int kSteps = 3;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
-
-Eigen::Matrix3d turn(const Vector3d& w) {
-  const double angle = w.norm();
-  return angle > 0 ? Eigen::AngleAxisd(angle, w / angle).toRotationMatrix() : Eigen::Matrix3d::Identity();
-}
 
 }  // namespace
 
@@ -39,7 +35,7 @@ RigidMotionFitter::RigidMotionFitter(const MountModel& mount, double focal_px)
 RigidMotionFit RigidMotionFitter::fit(const PlateSight& sight, const std::array<PlateMotion, kPlates>& zero) const {
   std::array<std::array<Vector3d, 4>, kPlates> at_zero;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    const Eigen::Matrix3d R = turn(zero[p].rotation_rad.cast<double>());
+    const Eigen::Matrix3d R = so3_exp(zero[p].rotation_rad.cast<double>());
     for (std::size_t k = 0; k < 4; ++k) {
       at_zero[p][k] = R * plate_[p].corner[k] + plate_[p].centre + zero[p].displacement_mm.cast<double>();
     }
@@ -61,7 +57,7 @@ RigidMotionFit RigidMotionFitter::fit(const PlateSight& sight, const std::array<
         by_place = (focal_px_ / seen.z() * by_place * T_camera_finger_.linear()).eval();
         Eigen::Matrix<double, 2, 6> jacobian;
         jacobian.leftCols<3>() = by_place;
-        for (int axis = 0; axis < 3; ++axis) jacobian.col(3 + axis) = by_place * Vector3d::Unit(axis).cross(turned);
+        jacobian.rightCols<3>() = -by_place * cross_matrix(turned);
         information.noalias() += jacobian.transpose() * jacobian;
         gradient.noalias() += jacobian.transpose() * residual;
         sum_sq += residual.squaredNorm();
@@ -71,9 +67,9 @@ RigidMotionFit RigidMotionFitter::fit(const PlateSight& sight, const std::array<
     if (step == kSteps) break;
     const Eigen::Matrix<double, 6, 1> move = information.ldlt().solve(gradient);
     t -= move.head<3>();
-    R = turn(-move.tail<3>()) * R;
+    R = so3_exp(-move.tail<3>()) * R;
   }
-  const double angle_rad = Eigen::AngleAxisd(R).angle();
+  const double angle_rad = so3_log(R).norm();
   double size_sq = 0;
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Vector3d centre = plate_[p].centre + zero[p].displacement_mm.cast<double>();

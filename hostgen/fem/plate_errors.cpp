@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
+#include "firmware/geometry/so3.h"
+
 namespace finsight::host {
 
 namespace {
@@ -14,7 +16,7 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 Eigen::Matrix<double, 3, 6> rigid_motion(const Eigen::Vector3d& arm) {
   Eigen::Matrix<double, 3, 6> motion;
   motion.leftCols<3>().setIdentity();
-  motion.rightCols<3>() << 0, arm.z(), -arm.y(), -arm.z(), 0, arm.x(), arm.y(), -arm.x(), 0;
+  motion.rightCols<3>() = -cross_matrix(arm);
   return motion;
 }
 
@@ -39,10 +41,7 @@ PlateErrors::PlateErrors(const FingerSpec& spec, const QuadraticMesh& mesh, cons
 void PlateErrors::set_measured(const PlatePoses& measured) {
   for (std::size_t p = 0; p < kPlates; ++p) {
     Fit& fit = fits_[p];
-    const Eigen::Vector3d turn = measured.plates[p].rotation_rad.cast<double>();
-    const double angle = turn.norm();
-    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
-    if (angle > 0) R = Eigen::AngleAxisd(angle, turn / angle).toRotationMatrix();
+    const Eigen::Matrix3d R = so3_exp(measured.plates[p].rotation_rad.cast<double>());
     fit.arm = R * (fit.rest.colwise() - fit.centre);
     fit.target = fit.arm.colwise() + (fit.centre + measured.plates[p].displacement_mm.cast<double>());
     fit.weight.setZero();

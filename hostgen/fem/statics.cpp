@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/geometry/so3.h"
+
 namespace finsight::host {
 namespace {
 
@@ -54,8 +56,7 @@ PlateMotion rigid_fit(const std::vector<Eigen::Vector3d>& rest, const std::vecto
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
   const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
-  const Eigen::AngleAxisd turn(R);
-  return {(now_mean + R * (centre - rest_mean) - centre).cast<float>(), (turn.angle() * turn.axis()).cast<float>()};
+  return {(now_mean + R * (centre - rest_mean) - centre).cast<float>(), so3_log(R).cast<float>()};
 }
 
 class StaticsSetup {

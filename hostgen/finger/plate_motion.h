@@ -3,7 +3,8 @@
 
 #include <Eigen/Geometry>
 
-#include "firmware/geometry/plate_motion.h"
+#include "firmware/geometry/so3.h"
+#include "firmware/types.h"
 #include "hostgen/finger/spec.h"
 
 namespace finsight::host {
@@ -11,10 +12,9 @@ namespace finsight::host {
 /// A frame after a displacement and a rotation vector (radians) about its own origin, both in the parent's axes.
 inline Eigen::Isometry3d moved(const Eigen::Isometry3d& rest, const Eigen::Vector3d& displacement_mm,
                                const Eigen::Vector3d& rotation_rad) {
-  const double angle = rotation_rad.norm();
   Eigen::Isometry3d now = rest;
   now.translation() += displacement_mm;
-  if (angle > 0) now.linear() = Eigen::AngleAxisd(angle, rotation_rad.normalized()) * rest.linear();
+  now.linear() = so3_exp(rotation_rad) * rest.linear();
   return now;
 }
 

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <vector>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/finger/mesh.h"
@@ -51,9 +52,7 @@ Isometry3d plate_motion(const PlateSpec& plate, const Pose& pose) {
       pose.share * Vector3d(pose.tilt_x * range.tilt_rad, pose.turn * range.turn_rad, pose.tilt_z * range.tilt_rad);
   const Vector3d shift = pose.share * Vector3d(pose.sideways * range.sideways_mm, 0, range.inward_mm);
   Isometry3d motion = Isometry3d::Identity();
-  if (rotation.norm() > 0) {
-    motion.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).toRotationMatrix();
-  }
+  motion.linear() = so3_exp(rotation);
   motion.translation() = centre - motion.linear() * centre + shift;
   return motion;
 }

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/shape/newton.h"
 #include "hostgen/hard_cases/hard_motions.h"
 #include "hostgen/util/common.h"
@@ -29,9 +30,8 @@ PlatePoses bent_plates(const MountModel& mount, double bend_mm, double sideways_
     const double shortening_mm = 0.6 * (bend_mm * bend_mm + sideways_mm * sideways_mm) * s * s * s / kTip_mm;
     const Vector3d d =
         twist * (c - axis_point) + axis_point - c + Vector3d(sideways_mm * s * s, -shortening_mm, bend_mm * s * s);
-    const AngleAxisd rotation(R);
     poses.plates[p].displacement_mm = d.cast<float>();
-    poses.plates[p].rotation_rad = (rotation.angle() * rotation.axis()).cast<float>();
+    poses.plates[p].rotation_rad = so3_log(R).cast<float>();
     poses.seen[p] = true;
   }
   poses.quality = Quality::kFresh;

@@ -9,6 +9,7 @@
 #include <numeric>
 #include <set>
 
+#include "firmware/geometry/so3.h"
 #include "hostgen/learn/split.h"
 #include "hostgen/util/statistics.h"
 
@@ -28,10 +29,7 @@ double motion_mm(const RecordedMotion& motion, std::size_t row) {
 }
 
 Eigen::Quaterniond rotation(const RecordedMotion& motion, std::size_t row) {
-  const Eigen::Vector3d vector = top_plate(motion, row).rotation_rad.cast<double>();
-  const double angle = vector.norm();
-  return Eigen::Quaterniond(
-      Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(vector / angle) : Eigen::Vector3d::UnitX()));
+  return Eigen::Quaterniond(so3_exp(top_plate(motion, row).rotation_rad.cast<double>()));
 }
 
 bool same_row(const RecordedMotion& motion, std::size_t a, std::size_t b) {

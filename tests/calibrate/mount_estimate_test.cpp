@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
 #include "firmware/settings/settings.h"
@@ -20,8 +21,7 @@ using Change = Eigen::Matrix<double, 6, 1 + kPlates>;
 Eigen::Isometry3f changed(const Eigen::Isometry3f& pose, const Eigen::Matrix<double, 6, 1>& by) {
   Eigen::Isometry3f now = pose;
   now.translation() += by.head<3>().cast<float>();
-  const Eigen::Vector3d turn = by.tail<3>();
-  now.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix().cast<float>() * pose.linear();
+  now.linear() = so3_exp(by.tail<3>()).cast<float>() * pose.linear();
   return now;
 }
 

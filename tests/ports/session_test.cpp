@@ -11,6 +11,7 @@
 #include <numbers>
 #include <system_error>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 
 using namespace finsight;
@@ -321,8 +322,7 @@ TEST_CASE("recorded motion: a rotation about any axis is the same rotation seen 
       "motion.csv", kColumns + "a,0,0,0,0," + text(q.x()) + text(q.y()) + text(q.z()) + text(q.w()) + "0,0,0,1\n");
   const Vec3f rotation = read_recorded_motion(file, "a").poses[0].plates[kTopPlate].rotation_rad;
   const Eigen::Matrix3d expected = R_finger_marker * in_marker.toRotationMatrix() * R_finger_marker.transpose();
-  const Eigen::Vector3d r = rotation.cast<double>();
-  CHECK(Eigen::AngleAxisd(r.norm(), r.normalized()).toRotationMatrix().isApprox(expected, 1e-5));
+  CHECK(so3_exp(rotation.cast<double>()).isApprox(expected, 1e-5));
 }
 
 TEST_CASE("recorded motion: damaged files are refused with line and column") {

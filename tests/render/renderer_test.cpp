@@ -6,6 +6,7 @@
 #include <numeric>
 #include <opencv2/calib3d.hpp>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/vision/aruco_compat.h"
 #include "firmware/vision/vision_stages.h"
 
@@ -33,12 +34,11 @@ Image rendered(const FingerSpec& spec, const CameraIntrinsics& camera, const Ima
 std::vector<cv::Point2d> seen_at(const FingerSpec& spec, const CameraIntrinsics& c, int plate,
                                  const PlateMotion& motion, const std::vector<Eigen::Vector2d>& points_mm) {
   const Eigen::Isometry3d& rest = spec.plates[plate].T_finger_marker;
-  const Eigen::Vector3d r = motion.rotation_rad.cast<double>();
-  const Eigen::AngleAxisd turn(r.norm(), r.norm() > 0 ? Eigen::Vector3d(r.normalized()) : Eigen::Vector3d::UnitX());
+  const Eigen::Matrix3d R = so3_exp(motion.rotation_rad.cast<double>());
   std::vector<cv::Point3d> in_camera;
   for (const Eigen::Vector2d& point : points_mm) {
     const Eigen::Vector3d from_middle = rest.linear() * Eigen::Vector3d(point.x(), point.y(), 0);
-    const Eigen::Vector3d in_finger = turn * from_middle + rest.translation() + motion.displacement_mm.cast<double>();
+    const Eigen::Vector3d in_finger = R * from_middle + rest.translation() + motion.displacement_mm.cast<double>();
     const Eigen::Vector3d seen = spec.T_finger_camera.inverse() * in_finger;
     in_camera.emplace_back(seen.x(), seen.y(), seen.z());
   }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/model/model.h"
 #include "hostgen/finger/mesh.h"
 
@@ -42,7 +43,7 @@ struct Bend {
           twist * from_axis - from_axis +
           Eigen::Vector3d(dx * y * y, -0.6 * (dz * dz + dx * dx) * y * y * y / kLength, dz * y * y);
       poses.plates[p].displacement_mm = shift.cast<float>();
-      poses.plates[p].rotation_rad = (rotation.angle() * rotation.axis()).cast<float>();
+      poses.plates[p].rotation_rad = so3_log(rotation.toRotationMatrix()).cast<float>();
     }
     return poses;
   }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <tuple>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
 #include "firmware/shape/newton.h"
 #include "firmware/shape/shape_map.h"
@@ -130,9 +131,9 @@ TEST_CASE("shape stage: the plates are exactly rigid in every tier") {
       if (plate < 0) continue;
       const PlateMotion& motion = poses.plates[static_cast<std::size_t>(plate)];
       const Vec3f centre = finger().mount.T_finger_marker[static_cast<std::size_t>(plate)].translation();
-      const Eigen::AngleAxisf turn(motion.rotation_rad.norm(), motion.rotation_rad.normalized());
+      const Eigen::Matrix3f R = so3_exp(motion.rotation_rad);
       const Vec3f rest(&finger().data.rest_mm[3 * node]), found(&shape.node_mm[3 * node]);
-      const Vec3f expected = turn * (rest - centre) + centre + motion.displacement_mm;
+      const Vec3f expected = R * (rest - centre) + centre + motion.displacement_mm;
       gap_mm = std::max(gap_mm, static_cast<double>((found - expected).norm()));
     }
     CHECK(gap_mm < 1e-4);

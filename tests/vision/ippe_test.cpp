@@ -4,6 +4,7 @@
 
 #include <opencv2/calib3d.hpp>
 
+#include "firmware/geometry/so3.h"
 #include "tests/vision/test_finger.h"
 
 using namespace finsight;
@@ -62,7 +63,7 @@ TEST_CASE("square: noisy corners give the same two poses as OpenCV's IPPE") {
     REQUIRE(rotations.size() == 2);
     for (std::size_t s = 0; s < 2; ++s) {
       const Eigen::Vector3d turn(rotations[s].ptr<double>()), shift(translations[s].ptr<double>());
-      const Eigen::Matrix3d expected = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+      const Eigen::Matrix3d expected = so3_exp(turn);
       CHECK((poses.T_camera_marker[s].linear() - expected).cwiseAbs().maxCoeff() < 1e-3);
       CHECK((poses.T_camera_marker[s].translation() - shift).norm() < 1e-2);
     }

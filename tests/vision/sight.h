@@ -1,6 +1,7 @@
 // What a camera sees of plates that have moved: lines of sight of the markers' corners, without an image.
 #pragma once
 
+#include "firmware/geometry/so3.h"
 #include "firmware/vision/plate_estimator.h"
 #include "tests/vision/test_finger.h"
 
@@ -15,10 +16,7 @@ inline PlateSight sight_of(const std::array<PlateMotion, kPlates>& plates, doubl
   sight.corner_sigma_px = scatter_px;
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Eigen::Isometry3d T_finger_marker = mount.T_finger_marker[p].cast<double>();
-    const Eigen::Vector3d w = plates[p].rotation_rad.cast<double>();
-    const double angle = w.norm();
-    const Eigen::Matrix3d R =
-        Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(w / angle) : Eigen::Vector3d::UnitX()).toRotationMatrix();
+    const Eigen::Matrix3d R = so3_exp(plates[p].rotation_rad.cast<double>());
     for (std::size_t k = 0; k < 4; ++k) {
       const Eigen::Vector3d corner = R * (T_finger_marker.linear() * marker_corner(mount.marker_size_mm, k)) +
                                      T_finger_marker.translation() + plates[p].displacement_mm.cast<double>();
@@ -33,10 +31,7 @@ inline PlateSight sight_of(const std::array<PlateMotion, kPlates>& plates, doubl
 /// The plates as a camera sees them that was moved: all by (t, w) about the finger's origin.
 inline std::array<PlateMotion, kPlates> moved_as_one(const Eigen::Vector3d& t_mm, const Eigen::Vector3d& w_rad) {
   std::array<PlateMotion, kPlates> plates;
-  const double angle = w_rad.norm();
-  const Eigen::Matrix3d R =
-      Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(w_rad / angle) : Eigen::Vector3d::UnitX())
-          .toRotationMatrix();
+  const Eigen::Matrix3d R = so3_exp(w_rad);
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Eigen::Vector3d centre = test_mount().T_finger_marker[p].translation().cast<double>();
     plates[p] = {(R * centre + t_mm - centre).cast<float>(), w_rad.cast<float>()};

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "firmware/geometry/lens.h"
+#include "firmware/geometry/so3.h"
 #include "firmware/model/model.h"
 #include "tests/vision/marker_painter.h"
 
@@ -85,12 +86,9 @@ inline std::array<PlateMotion, kPlates> plate_motions(const Numbers& numbers) {
 
 /// Where the camera has a plate's marker, straight from the definition of PlateMotion.
 inline PaintedMarker moved_marker(const MountModel& mount, const PlateMotion& motion, std::size_t plate) {
-  const Eigen::Vector3d turn = motion.rotation_rad.cast<double>();
   Eigen::Isometry3d T_finger_marker = mount.T_finger_marker[plate].cast<double>();
   T_finger_marker.translation() += motion.displacement_mm.cast<double>();
-  if (turn.norm() > 0) {
-    T_finger_marker.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()) * T_finger_marker.linear();
-  }
+  T_finger_marker.linear() = so3_exp(motion.rotation_rad.cast<double>()) * T_finger_marker.linear();
   return {mount.marker_id[plate], mount.marker_size_mm,
           mount.T_finger_camera.cast<double>().inverse() * T_finger_marker};
 }
