@@ -14,11 +14,25 @@
 
 namespace finsight {
 
-/// Register 1000. Part of the interface: never renumber.
-enum class Command : std::uint16_t { kNone, kZero, kSave, kClearFault, kRecord, kStopRecording, kReset, kFactory };
+/// Register 1000.
+enum class Command : std::uint16_t {
+  kNone = value_named("command", "none"),
+  kZero = value_named("command", "zero"),
+  kSave = value_named("command", "save"),
+  kClearFault = value_named("command", "clear"),
+  kRecord = value_named("command", "record"),
+  kStopRecording = value_named("command", "stop"),
+  kReset = value_named("command", "reset"),
+  kFactory = value_named("command", "factory"),
+};
 
 /// Register 1003.
-enum class CommandResult : std::uint16_t { kDone, kNotPossible, kNotConfigured, kFailed };
+enum class CommandResult : std::uint16_t {
+  kDone = value_named("result", "done"),
+  kNotPossible = value_named("result", "not_possible"),
+  kNotConfigured = value_named("result", "not_configured"),
+  kFailed = value_named("result", "failed"),
+};
 
 /// What the Modbus Application Protocol V1.1b3 (section 7) calls them.
 enum class Exception : std::uint8_t {

@@ -1,9 +1,12 @@
-// The register table: one list in code from which the server, the README's tables and the files for PLCs come.
-// Addresses, names and scales are part of the interface: rows are added, never changed.
+// The register table: the only list of registers, status bits and codes. From it come the enumerations of the firmware,
+// and through `hostgen plc` the tables of README.md, the files for PLCs and the names that finsightctl shows.
+// Addresses, names, types, scales and values are the interface to clients: add rows and values, never change them.
+// Descriptions and notes are prose; no program depends on them.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "firmware/types.h"
@@ -16,158 +19,345 @@ constexpr int words_of(RegisterType type) {
   return type == RegisterType::kUint32 || type == RegisterType::kFloat32 ? 2 : 1;
 }
 
+/// How a register is to be understood. Only of a number do neighbouring values mean nearly the same.
+enum class RegisterKind : std::uint8_t { kNumber, kCode, kBits, kReserved };
+
+/// One code of a register, or one bit (then `value` is its number, 0 being the lowest).
+struct NamedValue {
+  std::uint16_t value;
+  const char* name;  ///< an identifier; PLC programs use it
+  const char* note = "";
+};
+
 struct RegisterRow {
   int address;
   const char* name;
   RegisterType type;
+  RegisterKind kind;
   double scale;  ///< value in `unit` = register * scale
   const char* unit;
   const char* description;
+  /// What the type's invalid value (-32768, 65535 or NaN) means here; null if this register always has a value.
+  const char* invalid_means = nullptr;
+  std::span<const NamedValue> values = {};  ///< of bits and codes
   bool writable = false;
-  std::uint16_t lowest = 0, highest = 65535;  ///< what may be written
-  std::uint16_t factory = 0;                  ///< of a setting: before anything was saved
+  std::uint16_t lowest = 0, highest = 65535;  ///< limits of what may be written
+  std::uint16_t factory = 0;                  ///< a setting's value before anything was saved
+
+  constexpr bool is_number() const { return kind == RegisterKind::kNumber; }
+  constexpr bool may_be_invalid() const { return invalid_means != nullptr; }
 };
 
-inline constexpr RegisterRow kMeasurementTable[] = {
-    {0, "status", RegisterType::kUint16, 1, "bits",
-     "0 ready, 1 touch valid, 2 contact, 3 shape valid (all plates seen), 4 held (not fresh), 5 top plate seen, "
-     "6 middle plate seen, 7 low plate seen, 8 zeroed, 9 over-range (moved further than any trained touch), 10 camera "
-     "fault, 11 solver fallback, 12 settings unsaved, 14 overload, 15 any fault; 13 reserved, 0"},
-    {1, "fault", RegisterType::kUint16, 1, "code",
-     "0 none, 1 camera lost, 2 markers lost, 3 solver failed, 4 self-test failed, 5 settings or model refused (safe "
-     "mode), 6 failed repeatedly (safe mode), 7 saved settings refused (factory settings in use; "
-     "until command 3), 8 stalled (no new result; all values are old), 9 camera frozen (the same image again and "
-     "again), 10 image too dark, 11 image too bright, 12 image out of focus, "
-     "13 camera moved (mount it again, then zero)"},
-    {2, "heartbeat", RegisterType::kUint16, 1, "", "+1 with every published result, wraps"},
-    {3, "age", RegisterType::kUint16, 0.1, "ms", "from exposure to the moment of this read; 65535: no result yet"},
-    {4, "latency", RegisterType::kUint16, 0.1, "ms", "from exposure to publication; 65535: no result yet"},
-    {5, "touch_x", RegisterType::kInt16, 0.01, "mm",
-     "touched point of the unbent front face, across; -32768: not valid"},
-    {6, "touch_y", RegisterType::kInt16, 0.01, "mm", "touched point, up from the base; -32768: not valid"},
-    {7, "touch_z", RegisterType::kInt16, 0.01, "mm", "touched point, into the finger; -32768: not valid"},
-    {8, "touch_uncertainty", RegisterType::kUint16, 0.01, "mm", "radius holding 68 % of the errors; 65535: not valid"},
-    {9, "force", RegisterType::kUint16, 0.01, "N", "touch force; 65535: not valid"},
-    {10, "force_uncertainty", RegisterType::kUint16, 0.01, "N", "standard deviation of the force; 65535: not valid"},
-    {11, "deformation_level", RegisterType::kUint16, 1, "permille",
-     "of the finger's rated deformation; 65535: not valid"},
-    {12, "largest_displacement", RegisterType::kUint16, 0.01, "mm", "of any point of the finger; 65535: not valid"},
-    {13, "rms_displacement", RegisterType::kUint16, 0.01, "mm", "over all points of the finger; 65535: not valid"},
-    {14, "top_plate_x", RegisterType::kInt16, 0.01, "mm", "top plate's displacement, across; -32768: not valid"},
-    {15, "top_plate_y", RegisterType::kInt16, 0.01, "mm", "top plate's displacement, up; -32768: not valid"},
-    {16, "top_plate_z", RegisterType::kInt16, 0.01, "mm", "top plate's displacement, inwards; -32768: not valid"},
-    {17, "top_plate_rotation_x", RegisterType::kInt16, 0.01, "deg", "top plate's rotation vector; -32768: not valid"},
-    {18, "top_plate_rotation_y", RegisterType::kInt16, 0.01, "deg", "top plate's rotation vector; -32768: not valid"},
-    {19, "top_plate_rotation_z", RegisterType::kInt16, 0.01, "deg", "top plate's rotation vector; -32768: not valid"},
-    {20, "touch_x_float", RegisterType::kFloat32, 1, "mm", "as register 5; NaN: not valid"},
-    {22, "touch_y_float", RegisterType::kFloat32, 1, "mm", "as register 6; NaN: not valid"},
-    {24, "touch_z_float", RegisterType::kFloat32, 1, "mm", "as register 7; NaN: not valid"},
-    {26, "force_float", RegisterType::kFloat32, 1, "N", "as register 9; NaN: not valid"},
-    {28, "deformation_float", RegisterType::kFloat32, 1, "mm", "RMS displacement of the front face; NaN: not valid"},
-    {30, "temperature_float", RegisterType::kFloat32, 1, "degC", "of the board; NaN: not known"},
-    {32, "frame_counter", RegisterType::kUint32, 1, "", "camera's counter of the published frame, wraps"},
-    {34, "dropped_frames", RegisterType::kUint16, 1, "", "frames lost since the start, saturates"},
-    {35, "iterations", RegisterType::kUint16, 1, "", "steps of the shape solver for this frame"},
-    {36, "model_checksum", RegisterType::kUint32, 1, "", "of the model pack: which finger this is"},
-    {38, "map_version", RegisterType::kUint16, 1, "", "version of this register table"},
-    {39, "test_constant", RegisterType::kUint16, 1, "", "4660 (16#1234), for trying byte order and address base"},
-    {40, "contact_x", RegisterType::kInt16, 0.01, "mm", "where the touched point is now, across; -32768: not valid"},
-    {41, "contact_y", RegisterType::kInt16, 0.01, "mm", "where the touched point is now, up; -32768: not valid"},
-    {42, "contact_z", RegisterType::kInt16, 0.01, "mm", "where the touched point is now, inwards; -32768: not valid"},
-    {43, "shape_source", RegisterType::kUint16, 1, "code",
-     "0 finger at rest, 1 shape map, 2 Newton solve, 3 contact-aware map"},
-    {44, "limits", RegisterType::kUint16, 1, "bits",
-     "thresholds with hysteresis: 0 contact, 1 gentle, 2 overload (settings 1010 to 1015)"},
-    {45, "reserved_45", RegisterType::kUint16, 1, "", "0"},
-    {46, "test_constant_long", RegisterType::kUint32, 1, "",
-     "305419896 (16#12345678), for trying the word order of 32-bit values"},
+// The kinds of rows.
+namespace row {
+
+constexpr RegisterRow number(int address, const char* name, RegisterType type, double scale, const char* unit,
+                             const char* description) {
+  return {address, name, type, RegisterKind::kNumber, scale, unit, description};
+}
+constexpr RegisterRow count(int address, const char* name, RegisterType type, const char* description) {
+  return number(address, name, type, 1, "", description);
+}
+/// A number that is not always there.
+constexpr RegisterRow measured(int address, const char* name, RegisterType type, double scale, const char* unit,
+                               const char* description, const char* invalid_means = "not valid") {
+  RegisterRow row = number(address, name, type, scale, unit, description);
+  row.invalid_means = invalid_means;
+  return row;
+}
+constexpr RegisterRow bits(int address, const char* name, std::span<const NamedValue> values, const char* description) {
+  return {.address = address,
+          .name = name,
+          .type = RegisterType::kUint16,
+          .kind = RegisterKind::kBits,
+          .scale = 1,
+          .unit = "bits",
+          .description = description,
+          .values = values};
+}
+constexpr RegisterRow code(int address, const char* name, std::span<const NamedValue> values, const char* description) {
+  RegisterRow row = bits(address, name, values, description);
+  row.kind = RegisterKind::kCode;
+  row.unit = "code";
+  return row;
+}
+constexpr RegisterRow reserved(int address, const char* name) {
+  return {address, name, RegisterType::kUint16, RegisterKind::kReserved, 1, "", "reserved, 0"};
+}
+constexpr RegisterRow writable(RegisterRow row, std::uint16_t lowest, std::uint16_t highest,
+                               std::uint16_t factory = 0) {
+  row.writable = true;
+  row.lowest = lowest;
+  row.highest = highest;
+  row.factory = factory;
+  return row;
+}
+constexpr RegisterRow writable_code(RegisterRow row, std::uint16_t factory = 0) {
+  return writable(row, row.values.front().value, row.values.back().value, factory);
+}
+
+}  // namespace row
+
+inline constexpr NamedValue kStatusBits[] = {
+    {0, "ready"},
+    {1, "touch_valid"},
+    {2, "contact"},
+    {3, "shape_valid", "all plates seen"},
+    {4, "held", "not from the latest frame"},
+    {5, "top_plate_seen"},
+    {6, "middle_plate_seen"},
+    {7, "low_plate_seen"},
+    {8, "zeroed"},
+    {9, "over_range", "bent beyond any touch of the training data"},
+    {10, "camera_fault"},
+    {11, "solver_fallback", "the shape map stands in for the solver"},
+    {12, "settings_unsaved"},
+    {14, "overload"},
+    {15, "any_fault"},
 };
 
-/// Commands and settings, behind the measurements.
-inline constexpr int kControlAddress = 1000;
+inline constexpr NamedValue kFaults[] = {
+    {0, "none"},
+    {1, "camera_lost"},
+    {2, "markers_lost"},
+    {3, "solver_failed"},
+    {4, "self_test_failed"},
+    {5, "settings_or_model_refused", "safe mode"},
+    {6, "failed_repeatedly", "safe mode"},
+    {7, "saved_settings_refused", "or the saved zero; factory values instead; until command 3"},
+    {8, "stalled", "no new result; all values are old"},
+    {9, "camera_frozen", "it repeats one image"},
+    {10, "image_too_dark"},
+    {11, "image_too_bright"},
+    {12, "image_out_of_focus"},
+    {13, "camera_moved", "relative to the finger; mend its mount, then zero"},
+};
+
+inline constexpr NamedValue kShapeSources[] = {
+    {0, "at_rest"},
+    {1, "shape_map"},
+    {2, "newton_solve"},
+    {3, "contact_aware_map"},
+};
+
+inline constexpr NamedValue kLimitBits[] = {
+    {0, "contact"},
+    {1, "gentle"},
+    {2, "overload"},
+};
+
+inline constexpr NamedValue kCommands[] = {
+    {0, "none"},
+    {1, "zero", "the present pose of the finger becomes its rest"},
+    {2, "save", "settings and zero"},
+    {3, "clear", "the fault"},
+    {4, "record", "a session"},
+    {5, "stop", "recording"},
+    {6, "reset", "restarts half a second later"},
+    {7, "factory", "factory settings and no zero; not saved"},
+};
+
+inline constexpr NamedValue kResults[] = {
+    {0, "done"},
+    {1, "not_possible", "zero: a plate is missing, moving or too far off; record: already recording"},
+    {2, "not_configured", "the board file names no folder or file for it"},
+    {3, "failed", "disk"},
+};
+
+inline constexpr NamedValue kRecordingStates[] = {
+    {0, "idle"},
+    {1, "recording"},
+    {2, "failed", "the last recording, for its disk"},
+};
+
+inline constexpr NamedValue kAfterHoldCodes[] = {
+    {0, "invalidate", "all values become invalid"},
+    {1, "keep", "the last values stay, marked as held"},
+};
+
+inline constexpr NamedValue kWordOrders[] = {
+    {0, "ABCD", "high word first"},
+    {1, "CDAB", "low word first"},
+};
+
+inline constexpr NamedValue kSwitch[] = {
+    {0, "off"},
+    {1, "on"},
+};
+
+inline constexpr std::uint16_t kMapVersion = 2;
+inline constexpr std::uint16_t kTestConstant = 0x1234;
+inline constexpr std::uint32_t kLongTestConstant = 0x12345678;
+
+namespace table {
+
+using enum RegisterType;
+
+// Rows have one line each, as in a table.
+// clang-format off
+inline constexpr RegisterRow kMeasurements[] = {
+    row::bits(0, "status", kStatusBits, "bit 13 is reserved, always 0; the others"),
+    row::code(1, "fault", kFaults, ""),
+    row::count(2, "heartbeat", kUint16, "goes up by 1 with every published result; wraps around"),
+    row::measured(3, "age", kUint16, 0.1, "ms", "time from exposure to this read", "no result yet"),
+    row::measured(4, "latency", kUint16, 0.1, "ms", "time from exposure to publication", "no result yet"),
+    row::measured(5, "touch_x", kInt16, 0.01, "mm", "touched point on the undeformed front face, across the finger"),
+    row::measured(6, "touch_y", kInt16, 0.01, "mm", "touched point on the undeformed front face, up from the base"),
+    row::measured(7, "touch_z", kInt16, 0.01, "mm", "touched point on the undeformed front face, into the finger"),
+    row::measured(8, "touch_uncertainty", kUint16, 0.01, "mm", "68 % of the errors of the touched point are smaller"),
+    row::measured(9, "force", kUint16, 0.01, "N", "force of the touch"),
+    row::measured(10, "force_uncertainty", kUint16, 0.01, "N", "standard deviation of the force"),
+    row::measured(11, "deformation_level", kUint16, 1, "permille", "register 28 relative to the finger's rated deformation"),
+    row::measured(12, "largest_displacement", kUint16, 0.01, "mm", "largest displacement of any point of the finger"),
+    row::measured(13, "rms_displacement", kUint16, 0.01, "mm", "RMS displacement of all points of the finger"),
+    row::measured(14, "top_plate_x", kInt16, 0.01, "mm", "displacement of the top plate, across the finger"),
+    row::measured(15, "top_plate_y", kInt16, 0.01, "mm", "displacement of the top plate, up from the base"),
+    row::measured(16, "top_plate_z", kInt16, 0.01, "mm", "displacement of the top plate, into the finger"),
+    row::measured(17, "top_plate_rotation_x", kInt16, 0.01, "deg", "rotation vector of the top plate, x"),
+    row::measured(18, "top_plate_rotation_y", kInt16, 0.01, "deg", "rotation vector of the top plate, y"),
+    row::measured(19, "top_plate_rotation_z", kInt16, 0.01, "deg", "rotation vector of the top plate, z"),
+    row::measured(20, "touch_x_float", kFloat32, 1, "mm", "register 5 as a float"),
+    row::measured(22, "touch_y_float", kFloat32, 1, "mm", "register 6 as a float"),
+    row::measured(24, "touch_z_float", kFloat32, 1, "mm", "register 7 as a float"),
+    row::measured(26, "force_float", kFloat32, 1, "N", "register 9 as a float"),
+    row::measured(28, "deformation_float", kFloat32, 1, "mm", "RMS displacement of the front face"),
+    row::measured(30, "temperature_float", kFloat32, 1, "degC", "temperature of the board", "not known"),
+    row::count(32, "frame_counter", kUint32, "the camera's number of the published frame; wraps around"),
+    row::count(34, "dropped_frames", kUint16, "frames lost since the start; stops at 65535"),
+    row::count(35, "iterations", kUint16, "iterations of the shape solver for this frame"),
+    row::count(36, "model_checksum", kUint32, "checksum of the model pack; tells which finger this is"),
+    row::count(38, "map_version", kUint16, "version of this register table"),
+    row::count(39, "test_constant", kUint16, "4660 (16#1234), to check byte order and address base"),
+    row::measured(40, "contact_x", kInt16, 0.01, "mm", "where the touched point is now, across the finger"),
+    row::measured(41, "contact_y", kInt16, 0.01, "mm", "where the touched point is now, up from the base"),
+    row::measured(42, "contact_z", kInt16, 0.01, "mm", "where the touched point is now, into the finger"),
+    row::code(43, "shape_source", kShapeSources, "what the shape comes from"),
+    row::bits(44, "limits", kLimitBits, "thresholds with hysteresis (settings 1010 to 1015)"),
+    row::reserved(45, "reserved_45"),
+    row::count(46, "test_constant_long", kUint32, "305419896 (16#12345678), to check the word order of 32-bit values"),
+};
+
+inline constexpr RegisterRow kControl[] = {
+    row::writable_code(row::code(1000, "command", kCommands, "starts when its number is written to register 1001")),
+    row::writable(row::count(1001, "command_sequence", kUint16, "a number other than that in register 1002 starts the command; writing the same number again does nothing"), 0, 65535),
+    row::count(1002, "result_sequence", kUint16, "number of the last finished command; 0 after a start"),
+    row::code(1003, "result", kResults, "of that command"),
+    row::writable(row::number(1004, "write_key", kUint16, 1, "s", "writing the device's key unlocks this client's writes for 30 s; reads as the seconds left"), 0, 65535),
+    row::code(1005, "recording", kRecordingStates, ""),
+    row::reserved(1006, "reserved_1006"),
+    row::reserved(1007, "reserved_1007"),
+    row::reserved(1008, "reserved_1008"),
+    row::reserved(1009, "reserved_1009"),
+    row::writable(row::number(1010, "contact_on", kUint16, 0.01, "N", "force from which on there is contact; must be above contact_off"), 1, 10000, 20),
+    row::writable(row::number(1011, "contact_off", kUint16, 0.01, "N", "force below which contact ends"), 0, 9999, 10),
+    row::writable(row::number(1012, "gentle_on", kUint16, 1, "permille", "deformation level from which on an object counts as gripped; must be above gentle_off"), 1, 5000, 200),
+    row::writable(row::number(1013, "gentle_off", kUint16, 1, "permille", "deformation level below which it no longer does"), 0, 4999, 150),
+    row::writable(row::number(1014, "overload_on", kUint16, 1, "permille", "deformation level from which on there is overload; must be above overload_off"), 1, 5000, 1000),
+    row::writable(row::number(1015, "overload_off", kUint16, 1, "permille", "deformation level below which overload ends"), 0, 4999, 900),
+    row::writable(row::number(1016, "hold_time", kUint16, 1, "ms", "how long the last plate poses stand in for missing ones"), 0, 10000, 200),
+    row::writable_code(row::code(1017, "after_hold", kAfterHoldCodes, "what happens after the hold time, besides a fault")),
+    row::writable(row::number(1018, "output_debounce", kUint16, 1, "ms", "how long a digital output's new level must last before it is set; safe levels are set at once"), 0, 1000, 0),
+    row::writable_code(row::code(1019, "word_order", kWordOrders, "of 32-bit registers")),
+    row::writable_code(row::code(1020, "light", kSwitch, ""), 1),
+    row::writable_code(row::code(1021, "trigger_command", std::span(kCommands).first(6), "command that a rising edge of the trigger input starts")),
+};
+// clang-format on
+
+}  // namespace table
+
+/// The whole table: measurements, and behind them commands and settings.
+struct RegisterTable {
+  std::span<const RegisterRow> measurements, control;
+};
+inline constexpr RegisterTable kRegisterTable = {table::kMeasurements, table::kControl};
+
+// Look-ups by name at compile time: a name that is not in the table does not compile.
+
+consteval const RegisterRow& row_named(std::string_view name) {
+  for (const RegisterRow& row : kRegisterTable.measurements) {
+    if (row.name == name) return row;
+  }
+  for (const RegisterRow& row : kRegisterTable.control) {
+    if (row.name == name) return row;
+  }
+  throw "no register of that name";
+}
+
+consteval int address_of(std::string_view name) { return row_named(name).address; }
+
+/// The number of a register's code or bit.
+consteval std::uint16_t value_named(std::string_view register_name, std::string_view name) {
+  for (const NamedValue& value : row_named(register_name).values) {
+    if (value.name == name) return value.value;
+  }
+  throw "this register has no bit or code of that name";
+}
+
+/// The mask of a register's bit.
+consteval std::uint16_t bit_named(std::string_view register_name, std::string_view name) {
+  return static_cast<std::uint16_t>(1U << value_named(register_name, name));
+}
+
+inline constexpr int kControlAddress = address_of("command");
+inline constexpr int kControlRegisters = static_cast<int>(kRegisterTable.control.size());
 enum ControlRegister : int {
-  kCommandRegister = 1000,
-  kSequenceRegister = 1001,
-  kResultSequenceRegister = 1002,
-  kResultRegister = 1003,
-  kKeyRegister = 1004,
-  kRecordingRegister = 1005,
-  kFirstSettingRegister = 1010,
+  kCommandRegister = address_of("command"),
+  kSequenceRegister = address_of("command_sequence"),
+  kResultSequenceRegister = address_of("result_sequence"),
+  kResultRegister = address_of("result"),
+  kKeyRegister = address_of("write_key"),
+  kRecordingRegister = address_of("recording"),
+  kFirstSettingRegister = address_of("contact_on"),
 };
 
-inline constexpr RegisterRow kControlTable[] = {
-    {1000, "command", RegisterType::kUint16, 1, "code",
-     "0 none, 1 zero (the finger as it is now is at rest), 2 save settings and zero, 3 clear fault, 4 record a "
-     "session, 5 stop recording, 6 reset (starts anew half a second later), 7 factory settings and no zero (unsaved)",
-     true, 0, 7},
-    {1001, "command_sequence", RegisterType::kUint16, 1, "",
-     "a number that is not that of register 1002 starts the command; writing the same again does nothing", true},
-    {1002, "result_sequence", RegisterType::kUint16, 1, "",
-     "the number of the last command that ended; 0 at the start"},
-    {1003, "result", RegisterType::kUint16, 1, "code",
-     "of that command: 0 done, 1 not possible now (zero: a plate is missing, moves, or is too far off; record: already "
-     "recording), 2 not configured (the board file names no place), 3 failed (disk)"},
-    {1004, "write_key", RegisterType::kUint16, 1, "s",
-     "writing the device's key unlocks the writes of this client for 30 s; reads as the seconds left", true},
-    {1005, "recording", RegisterType::kUint16, 1, "",
-     "0 no, 1 a session is being recorded, 2 no: the last one failed (disk)"},
-    {1006, "reserved_1006", RegisterType::kUint16, 1, "", "0"},
-    {1007, "reserved_1007", RegisterType::kUint16, 1, "", "0"},
-    {1008, "reserved_1008", RegisterType::kUint16, 1, "", "0"},
-    {1009, "reserved_1009", RegisterType::kUint16, 1, "", "0"},
-    {1010, "contact_on", RegisterType::kUint16, 0.01, "N", "force from which there is contact; above contact_off", true,
-     1, 10000, 20},
-    {1011, "contact_off", RegisterType::kUint16, 0.01, "N", "force below which there is none", true, 0, 9999, 10},
-    {1012, "gentle_on", RegisterType::kUint16, 1, "permille",
-     "deformation level from which a thing counts as held; above gentle_off", true, 1, 5000, 200},
-    {1013, "gentle_off", RegisterType::kUint16, 1, "permille", "level below which it does not", true, 0, 4999, 150},
-    {1014, "overload_on", RegisterType::kUint16, 1, "permille",
-     "deformation level from which there is overload; above overload_off", true, 1, 5000, 1000},
-    {1015, "overload_off", RegisterType::kUint16, 1, "permille", "level below which there is none", true, 0, 4999, 900},
-    {1016, "hold_time", RegisterType::kUint16, 1, "ms", "how long the last plates stand in for missing ones", true, 0,
-     10000, 200},
-    {1017, "after_hold", RegisterType::kUint16, 1, "code",
-     "after the hold time: 0 all values are not valid, 1 the last values stay, marked as held; a fault either way",
-     true, 0, 1, 0},
-    {1018, "output_debounce", RegisterType::kUint16, 1, "ms",
-     "how long a digital output's new level must last before it is set; safe levels never wait", true, 0, 1000, 0},
-    {1019, "word_order", RegisterType::kUint16, 1, "code",
-     "of 32-bit registers: 0 ABCD (high word first), 1 CDAB (low word first)", true, 0, 1, 0},
-    {1020, "light", RegisterType::kUint16, 1, "code", "0 off, 1 on", true, 0, 1, 1},
-    {1021, "trigger_command", RegisterType::kUint16, 1, "code",
-     "the command (as in register 1000) that a rising edge of the trigger input starts; 0 none", true, 0, 5, 0},
-};
+consteval std::uint8_t setting_named(std::string_view name) {
+  return static_cast<std::uint8_t>(address_of(name) - kFirstSettingRegister);
+}
 
-/// The settings in the order of their registers.
+/// A setting's place among the settings.
 enum Setting : std::uint8_t {
-  kContactOn,
-  kContactOff,
-  kGentleOn,
-  kGentleOff,
-  kOverloadOn,
-  kOverloadOff,
-  kHoldTime,
-  kAfterHold,
-  kOutputDebounce,
-  kWordOrder,
-  kLight,
-  kTriggerCommand,
-  kSettingCount
+  kContactOn = setting_named("contact_on"),
+  kContactOff = setting_named("contact_off"),
+  kGentleOn = setting_named("gentle_on"),
+  kGentleOff = setting_named("gentle_off"),
+  kOverloadOn = setting_named("overload_on"),
+  kOverloadOff = setting_named("overload_off"),
+  kHoldTime = setting_named("hold_time"),
+  kAfterHold = setting_named("after_hold"),
+  kOutputDebounce = setting_named("output_debounce"),
+  kWordOrder = setting_named("word_order"),
+  kLight = setting_named("light"),
+  kTriggerCommand = setting_named("trigger_command"),
+  kSettingCount = kControlAddress + kControlRegisters - kFirstSettingRegister
 };
-inline constexpr int kControlRegisters = kFirstSettingRegister - kControlAddress + kSettingCount;
 
-consteval bool is_gapless(const RegisterRow* rows, std::size_t count, int first, int end) {
-  for (std::size_t i = 0; i < count; first += words_of(rows[i++].type)) {
-    if (rows[i].address != first) return false;
+/// The row of commands and settings at this address. All of them are single words, so the index follows from it.
+constexpr const RegisterRow& control_row(int address) {
+  return kRegisterTable.control[static_cast<std::size_t>(address - kControlAddress)];
+}
+constexpr const RegisterRow& setting_row(int setting) { return control_row(kFirstSettingRegister + setting); }
+
+/// The measurement that the word at this address (below kMeasurementRegisters) belongs to.
+constexpr const RegisterRow& measurement_row(int address) {
+  const RegisterRow* found = nullptr;
+  for (const RegisterRow& row : kRegisterTable.measurements) {
+    if (row.address <= address) found = &row;
+  }
+  return *found;
+}
+
+// Without gaps and overlaps; values of a register in rising order.
+consteval bool is_well_formed(std::span<const RegisterRow> rows, int first, int end) {
+  for (const RegisterRow& row : rows) {
+    if (row.address != first) return false;
+    first += words_of(row.type);
+    for (std::size_t i = 1; i < row.values.size(); ++i) {
+      if (row.values[i].value <= row.values[i - 1].value) return false;
+    }
   }
   return first == end;
 }
-static_assert(is_gapless(kMeasurementTable, std::size(kMeasurementTable), 0, kMeasurementRegisters));
-static_assert(is_gapless(kControlTable, std::size(kControlTable), kControlAddress,
-                         kControlAddress + kControlRegisters));
-
-/// Its row; single words only, so the index is the address.
-constexpr const RegisterRow& control_row(int address) { return kControlTable[address - kControlAddress]; }
-constexpr const RegisterRow& setting_row(int setting) { return control_row(kFirstSettingRegister + setting); }
+static_assert(is_well_formed(kRegisterTable.measurements, 0, kMeasurementRegisters));
+static_assert(is_well_formed(kRegisterTable.control, kControlAddress, kControlAddress + kControlRegisters));
 
 }  // namespace finsight

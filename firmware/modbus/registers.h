@@ -1,4 +1,5 @@
-// The measurement block: from the nouns of the data path to what clients read. And the settings that clients change.
+// From the values of the data path to the block of measurements that clients read; and the settings that clients
+// change.
 #pragma once
 
 #include <array>
@@ -8,43 +9,44 @@
 
 namespace finsight {
 
+/// Register 0.
 enum StatusBit : std::uint16_t {
-  kReady = 1 << 0,
-  kTouchValid = 1 << 1,
-  kContact = 1 << 2,
-  kShapeValid = 1 << 3,
-  kHeld = 1 << 4,
-  kTopSeen = 1 << 5,
-  kMiddleSeen = 1 << 6,
-  kLowSeen = 1 << 7,
-  kZeroed = 1 << 8,
-  kOverRange = 1 << 9,
-  kCameraFault = 1 << 10,
-  kSolverFallback = 1 << 11,
-  kSettingsUnsaved = 1 << 12,
-  kOverload = 1 << 14,
-  kAnyFault = 1 << 15,
+  kReady = bit_named("status", "ready"),
+  kTouchValid = bit_named("status", "touch_valid"),
+  kContact = bit_named("status", "contact"),
+  kShapeValid = bit_named("status", "shape_valid"),
+  kHeld = bit_named("status", "held"),
+  kTopSeen = bit_named("status", "top_plate_seen"),
+  kMiddleSeen = bit_named("status", "middle_plate_seen"),
+  kLowSeen = bit_named("status", "low_plate_seen"),
+  kZeroed = bit_named("status", "zeroed"),
+  kOverRange = bit_named("status", "over_range"),
+  kCameraFault = bit_named("status", "camera_fault"),
+  kSolverFallback = bit_named("status", "solver_fallback"),
+  kSettingsUnsaved = bit_named("status", "settings_unsaved"),
+  kOverload = bit_named("status", "overload"),
+  kAnyFault = bit_named("status", "any_fault"),
 };
 
-/// Register 1. Codes are part of the interface: never renumber.
+/// Register 1.
 enum class FaultCode : std::uint16_t {
-  kNone = 0,
-  kCameraLost = 1,
-  kMarkersLost = 2,
-  kSolverFailed = 3,
-  kSelfTest = 4,
-  kSettingsRefused = 5,
-  kFailedRepeatedly = 6,
-  kSavedSettings = 7,
-  kStalled = 8,
-  kCameraFrozen = 9,
-  kTooDark = 10,
-  kTooBright = 11,
-  kBlurred = 12,
-  kCameraMoved = 13
+  kNone = value_named("fault", "none"),
+  kCameraLost = value_named("fault", "camera_lost"),
+  kMarkersLost = value_named("fault", "markers_lost"),
+  kSolverFailed = value_named("fault", "solver_failed"),
+  kSelfTest = value_named("fault", "self_test_failed"),
+  kSettingsRefused = value_named("fault", "settings_or_model_refused"),
+  kFailedRepeatedly = value_named("fault", "failed_repeatedly"),
+  kSavedSettings = value_named("fault", "saved_settings_refused"),
+  kStalled = value_named("fault", "stalled"),
+  kCameraFrozen = value_named("fault", "camera_frozen"),
+  kTooDark = value_named("fault", "image_too_dark"),
+  kTooBright = value_named("fault", "image_too_bright"),
+  kBlurred = value_named("fault", "image_out_of_focus"),
+  kCameraMoved = value_named("fault", "camera_moved"),
 };
 
-/// What clients can change while the device works: the settings as their registers hold them.
+/// The settings that clients can change while the device runs, as their registers hold them.
 struct RuntimeSettings {
   std::array<std::uint16_t, kSettingCount> words;
 
@@ -56,18 +58,18 @@ struct RuntimeSettings {
   bool operator==(const RuntimeSettings&) const = default;
 };
 
-/// Every setting in its range, and every threshold's "on" above its "off".
+/// Whether every setting is in its range and every "on" threshold above its "off" threshold.
 bool are_valid(const RuntimeSettings& settings);
 
-/// Register 44. Each is set at its "on" threshold and cleared below its "off" one.
+/// Register 44. Each is set from its "on" threshold on and cleared below its "off" threshold.
 struct ThresholdState {
   bool contact = false, gentle = false, overload = false;
 };
 
-/// What the loop knows beside the nouns of the data path.
+/// What the registers show besides poses, shape and touch.
 struct LoopState {
   std::uint16_t heartbeat = 0;
-  std::uint32_t frames = 0;         ///< frames processed since the start
+  std::uint32_t frames = 0;         ///< processed since the start
   std::uint32_t frame_counter = 0;  ///< the camera's counter of the published frame
   std::uint32_t dropped_frames = 0;
   std::int64_t exposure_ns = 0, published_ns = 0;  ///< steady clock
@@ -80,24 +82,24 @@ struct LoopState {
   RuntimeSettings settings;
 };
 
-/// The limits of this frame, with those of the frame before. A finger that is bent further than can be measured is in
-/// contact. Without a valid value a limit is not reached.
+/// The thresholds after this frame; `before` is their state after the previous one. A finger bent beyond the range of
+/// the training is in contact. A threshold whose value is not valid is cleared.
 ThresholdState next_threshold_state(const ThresholdState& before, const FingerShape& shape, const Touch& touch,
                                     float rated_deformation_mm, const RuntimeSettings& settings);
 
-/// Writes the whole measurement block (register_table.h). A measured value that is not valid or not finite
-/// becomes -32768 (int16), 65535 (uint16) or NaN (float32); one out of range saturates just short of that. Register 3
-/// (age) stays 0: it is written by set_age.
+/// Writes the whole block of measurements (register_table.h). A value that is not valid or not finite becomes
+/// -32768 (int16), 65535 (uint16) or NaN (float32); one that is out of range saturates just short of that. Register 3
+/// (age) stays 0; set_age writes it.
 void encode_registers(const PlatePoses& poses, const FingerShape& shape, const Touch& touch, const LoopState& state,
                       RegisterImage& image);
 
-/// The block before any result: not ready, no valid value.
+/// The block before the first result: not ready, no valid values.
 RegisterImage empty_block();
 
-/// Register 3: from the exposure to `now_ns`, the moment of a read (steady clock).
+/// Writes register 3, the time from the exposure to a read at `now_ns` (steady clock).
 void set_age(RegisterImage& image, std::int64_t now_ns);
 
-/// For a block that should have been replaced long ago: not ready, no valid touch or shape, and a fault.
+/// Marks a block that should have been replaced by now: not ready, touch and shape not valid, fault 8.
 void mark_stalled(RegisterImage& image);
 
 }  // namespace finsight

@@ -1,23 +1,38 @@
-// The register table in the forms that people and PLCs read, all from firmware/modbus/register_table.h.
+// The register table (firmware/modbus/register_table.h) in the forms that people, PLCs and finsightctl read.
+// Names, types, scales and values come from the table's data; its descriptions end up in comments and columns of prose
+// only. Every function takes the table as an argument so that tests can vary it.
 #pragma once
 
 #include <string>
 
+#include "firmware/modbus/register_table.h"
+
 namespace finsight::host {
 
-/// For the README: the measurements; commands and settings.
-std::string measurements_markdown();
-std::string control_markdown();
+/// Markdown tables: the measurements; commands and settings.
+std::string measurements_markdown(const RegisterTable& table = kRegisterTable);
+std::string control_markdown(const RegisterTable& table = kRegisterTable);
 
-/// Comma-separated (RFC 4180, ASCII), for import by a PLC's programming tool.
-std::string registers_csv();
+/// Comma-separated values (RFC 4180, ASCII), for import into a PLC's programming tool. Column `invalid` holds the value
+/// that means "not valid", column `values` bits and codes as "0=ready;1=touch_valid".
+std::string registers_csv(const RegisterTable& table = kRegisterTable);
 
-/// IEC 61131-3 (third edition, without extensions): FB_Finsight scales the block, FB_FinsightCommand does the
-/// handshake.
-std::string structured_text();
+/// IEC 61131-3, third edition, without extensions: FB_Finsight scales the measurements, FB_FinsightCommand carries out
+/// the command handshake.
+std::string structured_text(const RegisterTable& table = kRegisterTable);
 
-/// Siemens SCL source for TIA Portal: a data type, a data block that the Modbus client fills, and the function that
-/// scales.
-std::string siemens_scl();
+/// SCL source for Siemens TIA Portal: a data type, a data block that the Modbus client fills, and the function that
+/// scales it.
+std::string siemens_scl(const RegisterTable& table = kRegisterTable);
+
+/// A Node-RED flow (node-red-contrib-modbus) that reads and scales the measurements, unlocks, and writes a setting.
+std::string node_red_flow(const RegisterTable& table = kRegisterTable);
+
+/// The table as Python source, for scripts/finsightctl, which is one file that needs nothing else.
+std::string finsightctl_table(const RegisterTable& table = kRegisterTable);
+
+/// `text` with `content` between the line that contains "BEGIN GENERATED name" and the line that contains
+/// "END GENERATED name". Throws std::runtime_error if one of the two is missing.
+std::string with_section(const std::string& text, const std::string& name, const std::string& content);
 
 }  // namespace finsight::host

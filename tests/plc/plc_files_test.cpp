@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <list>
+#include <regex>
 #include <sstream>
+#include <string>
 #include <vector>
 
 #include "firmware/modbus/register_table.h"
@@ -22,34 +25,91 @@ std::string stored(const std::string& name) {
 
 bool says(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
+std::string without(const std::string& text, const std::string& pattern) {
+  return std::regex_replace(text, std::regex(pattern), "");
+}
+
+/// The table with other prose in every description and note; prose that looks like bits, codes and invalid values.
+class RewordedTable {
+ public:
+  RewordedTable() {
+    for (const RegisterRow& row : kRegisterTable.measurements) measurements_.push_back(reworded(row));
+    for (const RegisterRow& row : kRegisterTable.control) control_.push_back(reworded(row));
+  }
+  RegisterTable table() const { return {measurements_, control_}; }
+
+ private:
+  RegisterRow reworded(RegisterRow row) {
+    row.description = "5 brown fox, 7 lazy dog (not known); 65535: no result yet";
+    if (row.may_be_invalid()) row.invalid_means = "3 lost";
+    std::vector<NamedValue>& values = values_.emplace_back(row.values.begin(), row.values.end());
+    for (NamedValue& value : values) value.note = "12 not valid";
+    row.values = values;
+    return row;
+  }
+
+  std::list<std::vector<NamedValue>> values_;
+  std::vector<RegisterRow> measurements_, control_;
+};
+
 }  // namespace
 
-TEST_CASE("plc files: those of the repository are the code's (build/host/hostgen plc writes them)") {
+TEST_CASE("plc files: those of the repository are the code's (build/host/hostgen plc --tree . writes them)") {
   CHECK(stored("registers.csv") == registers_csv());
   CHECK(stored("Finsight.st") == structured_text());
   CHECK(stored("Finsight.scl") == siemens_scl());
+  CHECK(stored("Finsight.node-red.json") == node_red_flow());
+}
+
+TEST_CASE("plc files: rewording a description changes comments and nothing else") {
+  const RewordedTable reworded;
+  const RegisterTable table = reworded.table();
+  const std::string st_comment = R"(\(\*[^*]*\*\))", scl_comment = "//[^\n]*", csv_description = "\"[^\"]*\"";
+  REQUIRE(structured_text(table) != structured_text());  // the prose is in the comments
+  CHECK(without(structured_text(table), st_comment) == without(structured_text(), st_comment));
+  REQUIRE(siemens_scl(table) != siemens_scl());
+  CHECK(without(siemens_scl(table), scl_comment) == without(siemens_scl(), scl_comment));
+  REQUIRE(registers_csv(table) != registers_csv());
+  CHECK(without(registers_csv(table), csv_description) == without(registers_csv(), csv_description));
+  CHECK(node_red_flow(table) == node_red_flow());
+  CHECK(finsightctl_table(table) == finsightctl_table());
 }
 
 TEST_CASE("plc files: the CSV file has one line per register, without gap or overlap in either block") {
   std::istringstream csv(registers_csv());
   std::string line;
   REQUIRE(std::getline(csv, line));
-  CHECK(line == "address,name,type,scale,unit,access,lowest,highest,factory,description\r");
+  CHECK(line == "address,name,type,scale,unit,access,lowest,highest,factory,description,invalid,values\r");
   int next = 0;
   while (std::getline(csv, line)) {
     CAPTURE(line);
     if (next == kMeasurementRegisters) next = kControlAddress;
     const bool is_wide = says(line, ",uint32,") || says(line, ",float32,");
     CHECK(line.substr(0, line.find(',')) == std::to_string(next));
-    CHECK(line.ends_with("\"\r"));
+    CHECK(line.ends_with("\r"));
     CHECK(std::count(line.begin(), line.end(), '"') == 2);
     CHECK(std::count(line.begin(), line.begin() + static_cast<std::ptrdiff_t>(line.find('"')), ',') == 9);
+    CHECK(std::count(line.begin() + static_cast<std::ptrdiff_t>(line.rfind('"')), line.end(), ',') == 2);
     CHECK(std::all_of(line.begin(), line.end(), [](char c) { return c == '\r' || (c >= ' ' && c <= '~'); }));
     next += is_wide ? 2 : 1;
   }
   CHECK(next == kControlAddress + kControlRegisters);
   CHECK(says(registers_csv(), "5,touch_x,int16,0.01,mm,read,,,,\""));
   CHECK(says(registers_csv(), "1016,hold_time,uint16,1,ms,read/write,0,10000,200,\""));
+  CHECK(says(registers_csv(), "-32768: not valid\",-32768,\r\n"));
+  CHECK(says(registers_csv(), "\",,0=contact;1=gentle;2=overload\r\n"));
+}
+
+TEST_CASE("plc files: finsightctl and Node-RED know names, limits and invalid values") {
+  const std::string ctl = finsightctl_table(), flow = node_red_flow();
+  CHECK(says(ctl, "13: \"camera_moved\"}),"));
+  CHECK(says(ctl, "Row(5, \"touch_x\", \"int16\", 0.01, \"mm\", True, None, {}),"));
+  CHECK(says(ctl, "Row(1016, \"hold_time\", \"uint16\", 1, \"ms\", False, (0, 10000), {}),"));
+  CHECK_FALSE(says(ctl, "13: \"over_temperature\""));
+  CHECK(says(flow, "touch_x_mm: w[5] === 0x8000 ? null : signed(w[5]) / 100,"));
+  CHECK(says(flow, "overload: bit(0, 14),"));
+  CHECK(says(flow, "\"adr\": \"1004\""));
+  CHECK_FALSE(says(flow, "$"));
 }
 
 TEST_CASE("plc files: a PLC's code scales and checks every kind of value") {

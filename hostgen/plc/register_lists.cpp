@@ -1,0 +1,113 @@
+// The register table as lists: Markdown, comma-separated values, Python.
+#include <algorithm>
+#include <sstream>
+#include <stdexcept>
+
+#include "hostgen/plc/plc_files.h"
+#include "hostgen/plc/row_text.h"
+
+namespace finsight::host {
+
+namespace {
+
+/// "0=none;1=zero".
+std::string values_list(const RegisterRow& row) {
+  std::string text;
+  for (const NamedValue& value : row.values) {
+    if (!text.empty()) text += ";";
+    text += std::to_string(value.value) + "=" + value.name;
+  }
+  return text;
+}
+
+std::string python_row(const RegisterRow& row) {
+  const auto boolean = [](bool value) { return value ? "True" : "False"; };
+  std::ostringstream text;
+  text << "    Row(" << row.address << ", \"" << row.name << "\", \"" << name_of(row.type) << "\", " << row.scale
+       << ", \"" << row.unit << "\", " << boolean(row.may_be_invalid()) << ", ";
+  if (row.writable) {
+    text << "(" << row.lowest << ", " << row.highest << ")";
+  } else {
+    text << "None";
+  }
+  text << ", {";
+  std::size_t column = 120;  // so that values begin on a line of their own
+  for (const NamedValue& value : row.values) {
+    const std::string item = std::to_string(value.value) + ": \"" + value.name + "\"";
+    if (&value != &row.values.front()) text << ",";
+    if (column + 2 + item.size() > 118) {
+      text << "\n       ";
+      column = 7;
+    }
+    text << " " << item;
+    column += 2 + item.size();
+  }
+  text << "}),\n";
+  return text.str();
+}
+
+}  // namespace
+
+std::string measurements_markdown(const RegisterTable& table) {
+  std::ostringstream text;
+  text << "| address | name | type | scale | unit | |\n|---|---|---|---|---|---|\n";
+  for (const RegisterRow& row : table.measurements) {
+    text << "| " << row.address;
+    if (words_of(row.type) == 2) text << "-" << row.address + 1;
+    text << " | `" << row.name << "` | " << name_of(row.type) << " | " << row.scale << " | " << row.unit << " | "
+         << full_description(row) << " |\n";
+  }
+  return text.str();
+}
+
+std::string control_markdown(const RegisterTable& table) {
+  std::ostringstream text;
+  text << "| address | name | scale | unit | writable values | factory | |\n|---|---|---|---|---|---|---|\n";
+  for (const RegisterRow& row : table.control) {
+    if (is_reserved(row)) continue;
+    text << "| " << row.address << " | `" << row.name << "` | " << row.scale << " | " << row.unit << " | ";
+    if (row.writable) text << row.lowest << " ... " << row.highest;
+    text << " | ";
+    if (is_setting(row)) text << row.factory;
+    text << " | " << full_description(row) << " |\n";
+  }
+  return text.str();
+}
+
+std::string registers_csv(const RegisterTable& table) {
+  std::ostringstream text;
+  text << "address,name,type,scale,unit,access,lowest,highest,factory,description,invalid,values\r\n";
+  const auto add = [&](const RegisterRow& row) {
+    text << row.address << "," << row.name << "," << name_of(row.type) << "," << row.scale << "," << row.unit << ","
+         << (row.writable ? "read/write" : "read") << ",";
+    if (row.writable) text << row.lowest;
+    text << ",";
+    if (row.writable) text << row.highest;
+    text << ",";
+    if (is_setting(row)) text << row.factory;
+    text << ",\"" << full_description(row) << "\"," << invalid_value(row) << "," << values_list(row) << "\r\n";
+  };
+  std::ranges::for_each(table.measurements, add);
+  std::ranges::for_each(table.control, add);
+  return text.str();
+}
+
+std::string finsightctl_table(const RegisterTable& table) {
+  std::string text = "REGISTERS = [\n";
+  for (const RegisterRow& row : table.measurements) text += python_row(row);
+  for (const RegisterRow& row : table.control) text += python_row(row);
+  return text + "]\n";
+}
+
+std::string with_section(const std::string& text, const std::string& name, const std::string& content) {
+  const auto find = [&text](const std::string& marker, std::size_t from) {
+    const std::size_t at = text.find(marker, from);
+    if (at == std::string::npos) throw std::runtime_error("no line with \"" + marker + "\"");
+    return at;
+  };
+  const std::size_t begin = text.find('\n', find("BEGIN GENERATED " + name, 0)) + 1;
+  const std::size_t end = text.rfind('\n', find("END GENERATED " + name, begin)) + 1;
+  return text.substr(0, begin) + content + text.substr(end);
+}
+
+}  // namespace finsight::host
