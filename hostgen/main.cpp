@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   host::add_dataset_command(app);
   host::add_merge_command(app);
   host::add_render_command(app);
+  host::add_figure_command(app);
   host::add_inspect_command(app);
   host::add_plc_command(app);
   host::add_report_command(app);

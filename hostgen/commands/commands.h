@@ -13,6 +13,7 @@ void add_merge_command(CLI::App& app);  // in dataset_command.cpp
 void add_build_command(CLI::App& app);
 void add_inspect_command(CLI::App& app);
 void add_render_command(CLI::App& app);
+void add_figure_command(CLI::App& app);
 void add_plc_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_import_recordings_command(CLI::App& app);

@@ -8,6 +8,7 @@ import math
 import os
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -245,6 +246,25 @@ class Hostgen(unittest.TestCase):
             # Only whole paths, for the next run to go on with.
             self.assertLessEqual(set(os.listdir(folder)), {"pack.safetensors.paths"})
             self.assertEqual([file for file in Path(folder).rglob("*.*") if ".part" in file.suffix], [])
+
+    def test_a_figure_shows_the_strongest_touch_or_the_wanted_frame(self):
+        with tempfile.TemporaryDirectory() as folder:
+            images = []
+            for name, words in (("touched.png", ()), ("again.png", ()), ("first.png", ("--frame", 0))):
+                answer = run(BINARIES / "hostgen", "figure", SESSION, "--pack", PACK, "-o", Path(folder) / name, *words)
+                self.assertEqual(answer.returncode, 0, answer.stderr)
+                images.append((Path(folder) / name).read_bytes())
+                self.assertEqual(images[-1][:8], b"\x89PNG\r\n\x1a\n")
+                self.assertEqual(struct.unpack(">II", images[-1][16:24]), (1200, 510))
+                if not words:
+                    self.assertRegex(answer.stdout, r"touch at .* \(68 % within .*\), [3-6]\.\d\d N")
+                else:
+                    self.assertRegex(answer.stdout, r"frame 0, no touch")
+        self.assertEqual(images[0], images[1])
+        self.assertNotEqual(images[0], images[2])
+        answer = run(BINARIES / "hostgen", "figure", SESSION, "--pack", PACK, "-o", "/tmp/x.png", "--frame", 100000)
+        self.assertEqual(answer.returncode, 2)
+        self.assertIn("has no frame 100000", answer.stderr)
 
     def test_bad_usage_and_bad_specs_exit_with_2(self):
         self.assertEqual(run(BINARIES / "hostgen", "nonsense").returncode, 2)
