@@ -43,6 +43,21 @@ void append_big_endian(std::string& bytes, std::uint32_t value) {
   for (const int shift : {24, 16, 8, 0}) bytes += static_cast<char>(value >> shift & 0xFF);
 }
 
+std::string encoded(int width_px, int height_px, png_uint_32 format, const std::uint8_t* pixels) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  png.width = static_cast<png_uint_32>(width_px);
+  png.height = static_cast<png_uint_32>(height_px);
+  png.format = format;
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(png);
+  std::string bytes(size, '\0');
+  if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, pixels, 0, nullptr)) {
+    throw std::runtime_error(std::string("PNG: ") + png.message);
+  }
+  bytes.resize(size);
+  return bytes;
+}
+
 }  // namespace
 
 GreyImage read_png(const std::filesystem::path& file) {
@@ -82,17 +97,7 @@ GreyImage read_pgm(const std::filesystem::path& file) {
 }
 
 std::string png_bytes(const GreyImage& image, std::uint32_t pixels_per_metre) {
-  png_image png{};
-  png.version = PNG_IMAGE_VERSION;
-  png.width = static_cast<png_uint_32>(image.width_px);
-  png.height = static_cast<png_uint_32>(image.height_px);
-  png.format = PNG_FORMAT_GRAY;
-  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(png);
-  std::string bytes(size, '\0');
-  if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, image.grey.data(), 0, nullptr)) {
-    throw std::runtime_error(std::string("PNG: ") + png.message);
-  }
-  bytes.resize(size);
+  std::string bytes = encoded(image.width_px, image.height_px, PNG_FORMAT_GRAY, image.grey.data());
   // libpng's simple interface knows no pHYs, the chunk with the printed size. It belongs behind the header: 8 bytes of
   // signature and 25 of IHDR.
   std::string chunk = "pHYs";
@@ -105,6 +110,10 @@ std::string png_bytes(const GreyImage& image, std::uint32_t pixels_per_metre) {
   whole += chunk;
   append_big_endian(whole, checksum);
   return bytes.insert(33, whole);
+}
+
+std::string colour_png_bytes(int width_px, int height_px, std::span<const std::uint8_t> rgb) {
+  return encoded(width_px, height_px, PNG_FORMAT_RGB, rgb.data());
 }
 
 }  // namespace finsight::host

@@ -9,6 +9,7 @@
 #include "firmware/shape/shape_stage.h"
 #include "firmware/touch/touch_stage.h"
 #include "firmware/vision/vision_stages.h"
+#include "hostgen/calibrate/grey_image.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/render/figure.h"
 #include "hostgen/util/common.h"
@@ -77,7 +78,8 @@ void run(const Options& options) {
   check_writable(options.output, {options.pack, options.session / kSessionFrames, options.session / kSessionInfo});
   const Model model = Model::open(options.pack);
   const NumberedFrame frame = measure(options, model);
-  write_png(options.output, draw_figure(model.shape, model.mount.marker_id, frame.result));
+  const ColourImage figure = draw_figure(model.shape, model.mount.marker_id, frame.result);
+  write_file_atomically(options.output, colour_png_bytes(figure.width_px, figure.height_px, figure.rgb));
   const Touch& touch = frame.result.touch;
   std::printf("%s: frame %d, ", options.output.c_str(), frame.number);
   if (touch.quality == Quality::kInvalid) {

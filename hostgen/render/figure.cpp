@@ -1,15 +1,11 @@
 #include "hostgen/render/figure.h"
 
-#include <png.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
 
 #include "hostgen/finger/mesh.h"
-#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -265,21 +261,6 @@ ColourImage draw_figure(const ShapeModel& mesh, const std::array<int, kPlates>& 
   draw_legend(canvas, largest_mm);
   draw_captions(canvas, frame.touch);
   return canvas.finished();
-}
-
-void write_png(const std::filesystem::path& file, const ColourImage& image) {
-  png_image png{};
-  png.version = PNG_IMAGE_VERSION;
-  png.width = static_cast<png_uint_32>(image.width_px);
-  png.height = static_cast<png_uint_32>(image.height_px);
-  png.format = PNG_FORMAT_RGB;
-  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(png);
-  std::string bytes(size, '\0');
-  if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, image.rgb.data(), 0, nullptr)) {
-    throw std::runtime_error(file.string() + ": " + png.message);
-  }
-  bytes.resize(size);
-  write_file_atomically(file, bytes);
 }
 
 }  // namespace finsight::host

@@ -2,7 +2,6 @@
 // its touch.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "firmware/model/model.h"
@@ -31,8 +30,5 @@ inline constexpr int kFigureWidth_px = 1200, kFigureHeight_px = 510;
 /// the touch is valid, its point with the circle that holds 68 % of the errors, and the force as an arrow. The same
 /// input gives the same pixels.
 ColourImage draw_figure(const ShapeModel& mesh, const std::array<int, kPlates>& marker_id, const FrameResult& frame);
-
-/// Writes a PNG file. Throws std::exception.
-void write_png(const std::filesystem::path& file, const ColourImage& image);
 
 }  // namespace finsight::host

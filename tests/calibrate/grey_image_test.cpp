@@ -35,6 +35,17 @@ TEST_CASE("grey image: a PNG file comes back as it was written") {
   CHECK(again.grey == image.grey);
 }
 
+TEST_CASE("grey image: a colour PNG file has its size and its colours") {
+  const test::ScratchFolder folder;
+  const std::vector<std::uint8_t> rgb = {255, 255, 255, 0, 0, 0, 255, 0, 0, 0, 255, 0};
+  const GreyImage image = read_png(folder.write("a.png", colour_png_bytes(2, 2, rgb)));
+  REQUIRE(image.width_px == 2);
+  REQUIRE(image.height_px == 2);
+  CHECK(image.grey[0] == 255);
+  CHECK(image.grey[1] == 0);
+  CHECK(image.grey[3] > image.grey[2]);  // green is brighter than red
+}
+
 TEST_CASE("grey image: a PGM file is read, with comments and any spaces in its header") {
   const test::ScratchFolder folder;
   const GreyImage image = read_pgm(folder.write("a.pgm", "P5\n# a comment\n 3\t2 # another\n255\nabcdef"));

@@ -3,9 +3,6 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 
 using namespace finsight;
 using namespace finsight::host;
@@ -82,22 +79,4 @@ TEST_CASE("figure: only a valid touch is drawn, and a stronger one has a longer 
   CHECK(coloured(draw_figure(pyramid.mesh(), kIds, frame), kRed, 600, 1000) > weak + 50);
   frame.touch.quality = Quality::kInvalid;
   CHECK(coloured(draw_figure(pyramid.mesh(), kIds, frame), kRed, 600, 1000) == 0);
-}
-
-TEST_CASE("figure: a file has the PNG signature and the figure's size") {
-  const std::filesystem::path file = std::filesystem::path(FINSIGHT_BINARY_DIR) / "figure_test.png";
-  const Pyramid pyramid;
-  write_png(file, draw_figure(pyramid.mesh(), kIds, touched_frame(pyramid)));
-  std::ifstream in(file, std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(in), {}};
-  std::filesystem::remove(file);
-  REQUIRE(bytes.size() > 24);
-  CHECK(bytes.substr(1, 3) == "PNG");
-  const auto big_endian = [&](std::size_t at) {
-    int value = 0;
-    for (std::size_t i = at; i < at + 4; ++i) value = value << 8 | static_cast<std::uint8_t>(bytes[i]);
-    return value;
-  };
-  CHECK(big_endian(16) == kFigureWidth_px);
-  CHECK(big_endian(20) == kFigureHeight_px);
 }
