@@ -42,7 +42,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
   if (area == "modbus") {
     nlohmann::json figures = measure_modbus(options.quick);
     nlohmann::json& soak = figures["modbus"]["soak"];
-    soak = {{"why", "no file of tests/system/soak.py was given"}};
+    soak = {{"why", "no file of scripts/lib/soak.py was given"}};
     if (!options.soak.empty()) soak = read_figures(options.soak);
     return figures;
   }
@@ -90,7 +90,7 @@ void add_report_command(CLI::App& app) {
   command->add_option("--spec", options->spec, "finger spec that the pack was made of")->required();
   command->add_option("--pack", options->pack, "model pack")->required();
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
-  command->add_option("--soak", options->soak, "figures of tests/system/soak.py, for area modbus");
+  command->add_option("--soak", options->soak, "figures of scripts/lib/soak.py, for area modbus");
   command->add_option("--dataset", options->dataset, "the pack's finite-element states, for area touch");
   command->add_option("--recordings", options->recordings, "CSV of recorded touches, for area real");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();

@@ -16,8 +16,10 @@ import time
 import unittest
 from pathlib import Path
 
-from live_table import session_truth, watch
-from register_block import Reader
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "lib"))
+import firmware_process  # noqa: E402
+from live_table import session_truth, watch  # noqa: E402
+from register_block import Reader  # noqa: E402
 
 BINARIES = Path(sys.argv.pop(1)).resolve()
 SOURCE = Path(sys.argv.pop(1)).resolve()
@@ -31,34 +33,12 @@ def run(*words, **options):
     return subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=1200, **options)
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-class Firmware:
-    """A running finsightd; stops it at the end of a `with` block."""
-
-    def __init__(self, source, pack=PACK, extra_arguments=(), first_line=""):
-        self.port = free_port()
-        self.folder = tempfile.TemporaryDirectory()
-        settings = Path(self.folder.name) / "board.toml"
-        settings.write_text(f'{first_line}\npack = "{pack}"\n[source]\n{source}\n[modbus]\nport = {self.port}\n')
-        self.process = subprocess.Popen([BINARIES / "finsightd", "--settings", settings, *extra_arguments],
-                                        stderr=subprocess.PIPE, text=True)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.send_signal(signal.SIGTERM)
-        self.errors = self.process.communicate(timeout=10)[1]
-        self.folder.cleanup()
+def Firmware(source, pack=PACK, **options):
+    return firmware_process.Firmware(BINARIES / "finsightd", pack, source, **options)
 
 
 def session_source(speed="recorded", repeat="true", path=SESSION):
-    return f'kind = "session"\npath = "{path}"\nspeed = "{speed}"\nrepeat = {repeat}'
+    return firmware_process.session_source(path, speed, repeat)
 
 
 class WholePath(unittest.TestCase):
@@ -81,7 +61,7 @@ class WholePath(unittest.TestCase):
             false_touches = 0
             for _ in range(600):
                 block = reader.read()
-                if block.has(0) and truth[block.frame % len(truth)][2] < 0.5 and block.touch_valid:
+                if block.has("ready") and truth[block.frame % len(truth)][2] < 0.5 and block.has("touch_valid"):
                     false_touches += 1
                 time.sleep(0.01)
             reader.close()
@@ -290,10 +270,10 @@ class RealFinger(unittest.TestCase):
                 time.sleep(0.01)
             reader.close()
         for block in blocks:
-            self.assertTrue(block.has(5), "the top plate is seen")
-            self.assertFalse(block.has(6) or block.has(7), "the other two are not")
-            self.assertFalse(block.has(3), "a shape from one plate is not called valid")
-        touched = [block for block in blocks if block.touch_valid]
+            self.assertTrue(block.has("top_plate_seen"), "the top plate is seen")
+            self.assertFalse(block.has("middle_plate_seen") or block.has("low_plate_seen"), "the other two are not")
+            self.assertFalse(block.has("shape_valid"), "a shape from one plate is not called valid")
+        touched = [block for block in blocks if block.has("touch_valid")]
         self.assertTrue(touched)
         for block in touched:
             self.assertTrue(all(math.isfinite(v) for v in block.point_mm))

@@ -1,12 +1,14 @@
 #!/usr/bin/python3
-"""Modbus clients that we did not write, and finsightctl, against a running finsightd.
+"""Modbus clients that we did not write, finsightctl and the Node-RED flow against a running finsightd.
 
 usage: modbus_clients.py BINARY_DIR SOURCE_DIR [unittest arguments]
-npm's modbus-serial is used where FINSIGHT_NODE_MODULES names a node_modules folder that has it.
+The test of npm's modbus-serial needs FINSIGHT_NODE_MODULES, a node_modules folder that has it; that of the flow needs
+node.
 """
 import csv
+import json
 import os
-import subprocess
+import shutil
 import tempfile
 import time
 import unittest
@@ -14,8 +16,8 @@ from pathlib import Path
 
 from pymodbus.client import ModbusTcpClient
 
-from end_to_end import PACK, SESSION, SOURCE, Firmware, prepare, run, session_source
-from register_block import Block, Reader
+from end_to_end import SOURCE, Firmware, prepare, run, session_source  # and scripts/lib is in the path from here on
+from register_block import ADDRESS, VALUES, Block, Reader
 
 KEY = 18003
 
@@ -39,14 +41,14 @@ class Clients(unittest.TestCase):
         Reader(self.port).close()
 
     def wait_for(self, read, is_right):
-        """A setting counts from the next frame on, which a busy machine may take its time for."""
+        """Settings take effect with the next frame, which may take a while on a busy machine."""
         deadline = time.monotonic() + 20
         while not is_right(answer := read()):
             self.assertLess(time.monotonic(), deadline, answer)
             time.sleep(0.02)
         return answer
 
-    def test_mbpoll_reads_settings_is_refused_and_writes_when_unlocked(self):
+    def test_mbpoll_reads_settings_and_writes_them_once_unlocked(self):
         def mbpoll(*words):
             return run("mbpoll", "-m", "tcp", "-0", "-1", "-q", "-p", self.port, *words)
         answer = mbpoll("-t", "4", "-r", 1016, "127.0.0.1")
@@ -61,7 +63,7 @@ class Clients(unittest.TestCase):
         self.assertIn("0x1234", floats)
         self.assertIn("0x5678", floats)
 
-    def test_pymodbus_reads_writes_and_sees_both_word_orders(self):
+    def test_pymodbus_reads_and_writes_in_both_word_orders(self):
         client = ModbusTcpClient("127.0.0.1", port=self.port, timeout=2)
         self.assertTrue(client.connect())
         self.assertEqual(client.write_register(1016, 100, slave=1).exception_code, 1)
@@ -78,9 +80,10 @@ class Clients(unittest.TestCase):
             self.assertFalse(client.write_register(1019, code, slave=1).isError())
             expected = [0x1234, 0x5678] if order == "ABCD" else [0x5678, 0x1234]
             words = self.wait_for(lambda: client.read_holding_registers(0, 48, slave=1).registers,
-                                  lambda words: words[46:48] == expected and Block(words).has(3))
-            block = Block(words)  # its level is in per mille of 6 mm
-            self.assertAlmostEqual(block.float_at(28, order), 0.006 * block.deformation_permille, delta=0.004)
+                                  lambda words: words[46:48] == expected and Block(words).has("shape_valid"))
+            block = Block(words)
+            level_mm = block.deformation_permille / 1000 * 6  # the finger's rated deformation is 6 mm
+            self.assertAlmostEqual(block.float_at(ADDRESS["deformation_float"], order), level_mm, delta=0.004)
         from pymodbus.mei_message import ReadDeviceInformationRequest
         identity = client.execute(ReadDeviceInformationRequest(read_code=1, object_id=0, unit=1))
         self.assertEqual(identity.information[0], b"Finsight")
@@ -125,12 +128,41 @@ const ModbusRTU = require('modbus-serial');
         shown = ctl(self.port, "show").stdout
         self.assertIn("contact_on             0.35 N", shown)
         self.assertIn("hold_time              150 ms", shown)
+        self.assertEqual(ctl(self.port, "set", "after_hold=keep").returncode, 0)
+        self.assertIn("after_hold             1   (keep)", ctl(self.port, "show").stdout)
         self.assertEqual(ctl(self.port, "set", "contact_on=0.05").returncode, 1)
         self.assertEqual(ctl(self.port, "set", "contact=1").returncode, 2)
         self.assertEqual(ctl(self.port, "do", "dance").returncode, 2)
         self.assertEqual(ctl(1, "show").returncode, 1)
 
-    def test_saved_settings_come_back_after_a_reset_and_the_factorys_on_order(self):
+    def test_finsightctl_is_one_file_that_works_anywhere(self):
+        copy = shutil.copy(SOURCE / "scripts" / "finsightctl", self.folder.name)
+        shown = run(copy, "show", "127.0.0.1", "--port", self.port, cwd="/")
+        self.assertEqual(shown.returncode, 0, shown.stderr)
+        self.assertIn("fault                  0   (none)", shown.stdout)
+
+    def test_the_node_red_flow_scales_what_pymodbus_reads(self):
+        node = shutil.which("node")
+        if not node:
+            self.skipTest("node is not installed")
+        flow = json.loads((SOURCE / "hostgen" / "plc" / "Finsight.node-red.json").read_text())
+        function = next(part["func"] for part in flow if part["id"] == "finsight-scale")
+        reader = Reader(self.port)
+        block = self.wait_for(reader.read, lambda block: block.has("touch_valid"))
+        reader.close()
+        program = f"const scale = msg => {{{function}}};console.log(JSON.stringify(scale({{payload: {block.words}}})));"
+        answer = run(node, "-e", program)
+        self.assertEqual(answer.returncode, 0, answer.stderr)
+        scaled = json.loads(answer.stdout)["payload"]
+        self.assertEqual([scaled[f"touch_{axis}_mm"] for axis in "xyz"], list(block.point_mm))
+        self.assertAlmostEqual(scaled["touch_x_real_mm"], block.point_mm[0], delta=0.006)
+        self.assertEqual(scaled["force_n"], block.force_n)
+        self.assertEqual(scaled["frame_counter"], block.frame)
+        self.assertEqual({bit: scaled[bit] for bit in VALUES["status"]}, {bit: block.has(bit) for bit in VALUES["status"]})
+        self.assertEqual(scaled["fault_text"], "none")
+        self.assertIsNone(scaled["temperature_real_degc"])
+
+    def test_saved_settings_survive_a_reset_and_the_factory_settings_return_on_command(self):
         self.assertEqual(ctl(self.port, "set", "hold_time=77").returncode, 0)
         self.wait_for(lambda: ctl(self.port, "show").stdout, lambda shown: "unsaved" in shown)
         self.assertEqual(ctl(self.port, "do", "save").stdout, "done\n")
@@ -159,19 +191,20 @@ const ModbusRTU = require('modbus-serial');
 
 
 class SavedSettings(unittest.TestCase):
-    def test_a_spoilt_file_means_factory_settings_and_a_fault_until_it_is_cleared(self):
+    def test_a_damaged_file_means_factory_settings_and_a_fault_until_it_is_cleared(self):
         with tempfile.TemporaryDirectory() as folder:
             Path(folder, "settings.toml").write_text("version = 1\n[settings]\n")
             with firmware(folder) as started:
                 reader = Reader(started.port)
                 deadline = time.monotonic() + 20
-                while reader.read().words[1] != 7 and time.monotonic() < deadline:
+                refused = VALUES["fault"]["saved_settings_refused"]
+                while reader.read().at("fault") != refused and time.monotonic() < deadline:
                     time.sleep(0.02)
-                self.assertEqual(reader.read().words[1], 7)
+                self.assertEqual(reader.read().at("fault"), refused)
                 self.assertEqual(ctl(started.port, "do", "clear").stdout, "done\n")
-                while reader.read().words[1] != 0 and time.monotonic() < deadline:
+                while reader.read().at("fault") != 0 and time.monotonic() < deadline:
                     time.sleep(0.02)
-                self.assertEqual(reader.read().words[1], 0)
+                self.assertEqual(reader.read().at("fault"), 0)
                 reader.close()
             self.assertIn("settings.toml:2", started.errors)
 

@@ -1,11 +1,14 @@
 #!/usr/bin/python3
-"""Replay at full rate with many clients that come and go: memory stays flat, no heartbeat is missed, nothing old is shown
-as fresh, and how long a result takes from its exposure to the client that has read it.
+"""Replays a session at its recorded rate while many clients connect and disconnect. Checks that memory stays flat, that
+no heartbeat is missed and that nothing old looks fresh, and measures the time from an exposure to the client that has
+read its result.
 
-usage: soak.py BINARY_DIR SOURCE_DIR [--seconds N] [--clients N] [--json FILE]
-20 seconds and 8 clients at 50 requests per second unless told otherwise; 3600 for the long form. exit code 1: failed
+usage: soak.py FINSIGHTD PACK SESSION [--seconds N] [--clients N] [--json FILE]
+20 seconds and 8 clients at 50 requests per second unless told otherwise. exit code 1: failed
 """
 import argparse
+import importlib.machinery
+import importlib.util
 import json
 import math
 import os
@@ -17,24 +20,29 @@ import threading
 import time
 from pathlib import Path
 
-ARGUMENTS = sys.argv[3:]
-sys.argv = sys.argv[:3]  # end_to_end takes the first two
-from end_to_end import SESSION, Firmware, prepare, session_source  # noqa: E402
+from firmware_process import Firmware, session_source
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
-from importlib.machinery import SourceFileLoader  # noqa: E402
 
-finsightctl = SourceFileLoader("finsightctl", str(Path(__file__).resolve().parents[2] / "scripts" / "finsightctl")).load_module()
+def load_finsightctl():
+    """As a module: its client is plain Python and quick."""
+    loader = importlib.machinery.SourceFileLoader("finsightctl", str(Path(__file__).resolve().parents[1] / "finsightctl"))
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("finsightctl", loader))
+    loader.exec_module(module)
+    return module
 
+
+finsightctl = load_finsightctl()
+STATUS, AGE, HEARTBEAT = (finsightctl.ROWS[name].address for name in ("status", "age", "heartbeat"))
+FRAME_COUNTER = finsightctl.ROWS["frame_counter"].address  # two words; dropped frames in the word behind them
+BIT = {name: 1 << number for number, name in finsightctl.ROWS["status"].values.items()}
 RATE_HZ, FRAMES_PER_S = 50, 60
 RECONNECT_S = 3
-HELD, ANY_FAULT = 1 << 4, 1 << 15
 SILENT_S = 0.5  # without a new heartbeat
-STALE_MS = 305  # a result older than this must not look fresh: hold time and the longest wait for a frame
+STALE_MS = 305  # a result older than the hold time and the longest wait for a frame must not look fresh
 
 
 class Client(threading.Thread):
-    """Reads the whole block, checks it, and connects anew every few seconds."""
+    """Reads and checks all measurements, and reconnects every few seconds."""
 
     def __init__(self, number, port, until):
         super().__init__(daemon=True)
@@ -52,7 +60,7 @@ class Client(threading.Thread):
                 end = min(self.until, time.monotonic() + RECONNECT_S + 0.3 * self.number)
                 while time.monotonic() < end:
                     asked = time.monotonic()
-                    words = device.read(0, 48)
+                    words = device.read(0, finsightctl.MEASURED)
                     elapsed_ms = 1000 * (time.monotonic() - asked)
                     last = self.check(words, elapsed_ms, last, time.monotonic())
                     time.sleep(max(0, 1 / RATE_HZ - (time.monotonic() - asked)))
@@ -67,26 +75,26 @@ class Client(threading.Thread):
 
     def check(self, words, elapsed_ms, last, now):
         self.reads += 1
-        age_ms = words[3] / 10
-        if not words[0] & ANY_FAULT and not words[0] & HELD:
-            # The answer was made after the request came: exposure to answered is the age and at most this.
+        age_ms = words[AGE] / 10
+        if not words[STATUS] & (BIT["any_fault"] | BIT["held"]):
+            # The age is that of the moment of the answer; until the client has it, at most the whole exchange passes.
             self.latency_ms.append(age_ms + elapsed_ms)
             if age_ms > STALE_MS:
-                self.problems.append(f"client {self.number}: {age_ms:.0f} ms old and shown as fresh")
+                self.problems.append(f"client {self.number}: a result {age_ms:.0f} ms old looks fresh")
         if last:
-            heartbeats = (words[2] - last[0]) % 65536
+            heartbeats = (words[HEARTBEAT] - last[0]) % 65536
             if heartbeats != 0 and now - last[1] > SILENT_S:
                 self.silences.append((last[1], now))
             if heartbeats > 32768:
-                self.problems.append(f"client {self.number}: the heartbeat went back")
+                self.problems.append(f"client {self.number}: the heartbeat went backwards")
             if heartbeats == 0:
                 return last
-        return words[2], now
+        return words[HEARTBEAT], now
 
 
 class Stalls:
-    """When this machine ran nothing: on each processor a process that only sleeps notes when it was not woken. A busy or a
-    virtual machine stalls like that; what stands still then is not finsightd's fault."""
+    """The times at which this machine stood still, as busy and virtual machines do; silence then is not finsightd's fault.
+    On each processor a process that only sleeps notes when it was woken late."""
 
     SLEEPER = ("import os, sys, time\nos.sched_setaffinity(0, {int(sys.argv[1])})\nnow = time.monotonic()\nwhile True:\n"
                "    before, _, now = now, time.sleep(0.01), time.monotonic()\n"
@@ -116,7 +124,7 @@ class Stalls:
         self.times.sort()
 
     def within_s(self, begin, end):
-        """Seconds of the span in which some processor stood still."""
+        """Seconds between begin and end in which some processor stood still."""
         total, reached = 0, begin
         for start, stop in self.times:
             start, stop = max(start, reached), min(stop, end)
@@ -138,15 +146,18 @@ def percentile(ordered, share):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("finsightd", type=Path)
+    parser.add_argument("pack", type=Path)
+    parser.add_argument("session", type=Path)
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--clients", type=int, default=8)
     parser.add_argument("--json")
-    arguments = parser.parse_args(ARGUMENTS)
-    prepare()
-    # From memory: a disk that is busy with others would look like a camera that stalls.
+    arguments = parser.parse_args()
+    # The session is replayed from memory: a disk busy with something else would look like a camera that stalls.
     memory = tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
-    session = shutil.copytree(SESSION, Path(memory.name) / "session")
-    with memory, Firmware(session_source(path=session)) as firmware, Stalls() as stalls:
+    session = shutil.copytree(arguments.session, Path(memory.name) / "session")
+    source = session_source(session)
+    with memory, Firmware(arguments.finsightd, arguments.pack.resolve(), source) as firmware, Stalls() as stalls:
         deadline = time.monotonic() + 30
         while True:
             try:
@@ -156,14 +167,14 @@ def main():
                 if time.monotonic() > deadline:
                     raise
                 time.sleep(0.1)
-        while not reader.read(0, 1)[0] & 1:
+        while not reader.read(STATUS, 1)[0] & BIT["ready"]:
             time.sleep(0.05)
         until = time.monotonic() + arguments.seconds
         clients = [Client(n, firmware.port, until) for n in range(arguments.clients)]
-        first_frames = reader.read(32, 3)
+        first_frames = reader.read(FRAME_COUNTER, 3)
         for client in clients:
             client.start()
-        time.sleep(min(5, arguments.seconds / 4))  # everything has been used once
+        time.sleep(min(5, arguments.seconds / 4))  # until everything has been used once
         before_kb = memory_kb(firmware.process.pid)
         while time.monotonic() < until:
             time.sleep(min(60, max(0, until - time.monotonic())))
@@ -173,7 +184,8 @@ def main():
         for client in clients:
             client.join(10)
         after_kb = memory_kb(firmware.process.pid)
-        last_frames = finsightctl.Device("127.0.0.1", firmware.port).read(32, 3)  # the first one was silent for too long
+        reader = finsightctl.Device("127.0.0.1", firmware.port)  # the first one has been silent too long and was closed
+        last_frames = reader.read(FRAME_COUNTER, 3)
     frames = ((last_frames[0] << 16 | last_frames[1]) - (first_frames[0] << 16 | first_frames[1])) % 2**32
     latency = sorted(value for client in clients for value in client.latency_ms)
     problems = [problem for client in clients for problem in client.problems]

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Watches a running finsightd over Modbus and prints what it says beside the truth, then a summary.
+"""Watches a running finsightd over Modbus, prints its registers beside the truth, then a summary.
 
 usage: live_table.py --port P --seconds N (--session FOLDER | --recording CSV NAME)
 """
@@ -16,7 +16,7 @@ BANDS = [(0, 2), (2, 4), (4, 7), (7, math.inf)]  # plate motion, mm
 
 
 def session_truth(folder):
-    """Per frame: touched point, force, largest plate displacement. The renderer knows them."""
+    """For every frame of a rendered session: touched point, force, largest plate displacement."""
     rows = []
     with open(Path(folder) / "truth.csv", newline="") as file:
         for row in csv.DictReader(file):
@@ -27,7 +27,7 @@ def session_truth(folder):
 
 
 def recording_truth(path, name):
-    """Per frame: the pen's tip, no force, displacement of the one recorded plate."""
+    """For every frame of a recording: the pen's tip, no force, displacement of the only recorded plate."""
     rows = []
     with open(path, newline="") as file:
         for row in csv.DictReader(file):
@@ -45,20 +45,25 @@ def percentile(values, share):
 
 def show(block, point, truth):
     true_point, true_force, motion = truth
-    said = "{:7.2f} {:7.2f} {:7.2f}".format(*point) if block.touch_valid else "      -       -       -"
+    valid = block.has("touch_valid")
+    read_point = "{:7.2f} {:7.2f} {:7.2f}".format(*point) if valid else "      -       -       -"
     print("{:6d}  {}  {:5.2f}  {:5.2f}  {:4d}   {:7.2f} {:7.2f} {:7.2f}  {}  {:5.1f}   {}".format(
-        block.frame, said, block.radius_mm if block.touch_valid else math.nan,
-        block.force_n if block.touch_valid else math.nan, block.deformation_permille, *true_point,
+        block.frame, read_point, block.radius_mm if valid else math.nan,
+        block.force_n if valid else math.nan, block.deformation_permille, *true_point,
         "  -  " if true_force is None else f"{true_force:5.2f}", motion, block.status_text), flush=True)
 
 
 def watch(reader, truth, seconds, of_pen):
-    """Reads as fast as frames come; prints four lines a second; returns (error_mm, motion_mm, inside) and latencies."""
+    """Reads every new frame and prints four of them a second.
+
+    Returns (error_mm, motion_mm, is inside the published radius) of every touch, ages and latencies in ms, the number
+    of frames read and the number of them with a valid touch.
+    """
     errors, ages, latencies, frames, valid = [], [], [], set(), 0
     started = shown = time.monotonic()
     while time.monotonic() - started < seconds:
         block = reader.read()
-        if block.frame in frames or not block.has(0):
+        if block.frame in frames or not block.has("ready"):
             time.sleep(0.002)
             continue
         frames.add(block.frame)
@@ -66,7 +71,7 @@ def watch(reader, truth, seconds, of_pen):
         latencies.append(block.latency_ms)
         row = truth[block.frame % len(truth)]
         point = block.contact_mm if of_pen else block.point_mm
-        if block.touch_valid:
+        if block.has("touch_valid"):
             valid += 1
             error = math.dist(point, row[0])
             errors.append((error, row[2], error <= block.radius_mm))

@@ -1,0 +1,37 @@
+"""Starts finsightd with a board file of its own and stops it again. For the soak run and the system tests."""
+import signal
+import socket
+import subprocess
+import tempfile
+from pathlib import Path
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def session_source(path, speed="recorded", repeat="true"):
+    """The keys of a board file's [source] that replays a session."""
+    return f'kind = "session"\npath = "{path}"\nspeed = "{speed}"\nrepeat = {repeat}'
+
+
+class Firmware:
+    """A running finsightd; the end of a `with` block stops it. `source` holds the keys of [source], and whatever follows."""
+
+    def __init__(self, finsightd, pack, source, extra_arguments=(), first_line=""):
+        self.port = free_port()
+        self.folder = tempfile.TemporaryDirectory()
+        settings = Path(self.folder.name) / "board.toml"
+        settings.write_text(f'{first_line}\npack = "{pack}"\n[source]\n{source}\n[modbus]\nport = {self.port}\n')
+        self.process = subprocess.Popen([finsightd, "--settings", settings, *extra_arguments],
+                                        stderr=subprocess.PIPE, text=True)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.send_signal(signal.SIGTERM)
+        self.errors = self.process.communicate(timeout=10)[1]
+        self.folder.cleanup()
