@@ -55,7 +55,7 @@ Exception Control::write_key(std::uint16_t key, std::uint32_t client, std::int64
   return key == key_ ? Exception::kNone : Exception::kIllegalValue;
 }
 
-// The new state is made as a copy, judged as a whole, and only then takes effect.
+// The new state is a copy that takes effect only after it has been checked as a whole.
 Exception Control::write(int first, std::span<const std::uint16_t> words, const ClientAccess& access,
                          std::int64_t now_ns) {
   if (!is_writable(first, words.size())) return Exception::kIllegalAddress;
@@ -73,7 +73,7 @@ Exception Control::write(int first, std::span<const std::uint16_t> words, const 
                                 : settings.words[static_cast<std::size_t>(address - kFirstSettingRegister)];
     target = words[i];
   }
-  // A client that did not get its answer writes the same again: that is no second order.
+  // A client that has lost the answer repeats its request, which must not start the command a second time.
   if (settings == settings_ && command == command_ && sequence == sequence_) return Exception::kNone;
   if (busy_) return Exception::kBusy;
   if (command > control_row(kCommandRegister).highest || !are_valid(settings)) return Exception::kIllegalValue;
@@ -84,20 +84,20 @@ Exception Control::write(int first, std::span<const std::uint16_t> words, const 
   if (starts && static_cast<Command>(command) == Command::kFactory) settings = factory_;
   if (settings != settings_) to_loop_.publish(settings_ = settings);
   if (starts) {
-    taken_sequence_ = sequence;
+    running_sequence_ = sequence;
     busy_ = true;
-    order_ = command;
+    pending_ = command;
   }
   return Exception::kNone;
 }
 
 std::optional<Command> Control::take_command() {
-  const std::uint32_t order = order_.exchange(kNoOrder);
-  return order == kNoOrder ? std::nullopt : std::optional(static_cast<Command>(order));
+  const std::uint32_t pending = pending_.exchange(kNoCommand);
+  return pending == kNoCommand ? std::nullopt : std::optional(static_cast<Command>(pending));
 }
 
 void Control::finish(CommandResult result) {
-  result_ = static_cast<std::uint32_t>(taken_sequence_) << 16 | static_cast<std::uint32_t>(result);
+  result_ = static_cast<std::uint32_t>(running_sequence_) << 16 | static_cast<std::uint32_t>(result);
   busy_ = false;
 }
 

@@ -1,4 +1,4 @@
-// Commands and settings on their way from clients to the frame loop, and results back.
+// Commands and settings from clients to the frame loop, and results back.
 #pragma once
 
 #include <array>
@@ -34,26 +34,26 @@ enum class CommandResult : std::uint16_t {
   kFailed = value_named("result", "failed"),
 };
 
-/// What the Modbus Application Protocol V1.1b3 (section 7) calls them.
+/// Exception codes of the Modbus Application Protocol V1.1b3, section 7.
 enum class Exception : std::uint8_t {
   kNone = 0,
-  kIllegalFunction = 1,  ///< also: "the server is in the wrong state to process a request of this type"
+  kIllegalFunction = 1,  ///< also for a locked write: "the server is in the wrong state to process a request"
   kIllegalAddress = 2,
   kIllegalValue = 3,
   kBusy = 6
 };
 
-/// Who a request comes from.
+/// The client that a request comes from.
 struct ClientAccess {
-  bool may_write = false;     ///< by its address
-  std::uint32_t address = 0;  ///< IPv4, host byte order; 0: the serial line. What the key unlocks is unlocked for it.
+  bool may_write = false;     ///< its address is on the list of those that may
+  std::uint32_t address = 0;  ///< IPv4, host byte order; 0: the serial line. The write key unlocks writes for it.
 };
 
 inline constexpr std::uint16_t kDefaultWriteKey = 18003;  // "FS"
 inline constexpr std::int64_t kUnlocked_ns = 30'000'000'000;
 
-/// The registers from 1000 on. Clients' threads read and write them; one thread, the frame loop's, takes what they
-/// order and never waits. One command at a time: while it runs, other writes are refused as busy.
+/// The registers from 1000 on. Clients' threads read and write them; one other thread, the frame loop's, takes commands
+/// and settings from here and never waits. One command runs at a time; until it ends, other writes are refused as busy.
 class Control {
  public:
   explicit Control(std::uint16_t key = kDefaultWriteKey, const RuntimeSettings& factory = {})
@@ -61,17 +61,17 @@ class Control {
   Control(std::uint16_t key, const RuntimeSettings& factory, const RuntimeSettings& current)
       : key_(key), factory_(factory), settings_(current), to_loop_(current) {}
 
-  /// For clients' threads. `first` is an address; all `words` lie inside the block.
+  /// For clients' threads. Reads registers from address `first` on; all of them must exist.
   void read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
-  /// All or nothing. Judged in this order: address, lock, busy, values.
+  /// For clients' threads. Writes all or nothing; checks in this order: address, lock, busy, values.
   Exception write(int first, std::span<const std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
 
   /// For the frame loop's thread, wait-free.
   const RuntimeSettings& settings() { return to_loop_.read(); }
-  std::optional<Command> take_command();  ///< the one that was ordered; then finish() must be called, once
+  std::optional<Command> take_command();  ///< a new one, if there is; after it, call finish() exactly once
   void finish(CommandResult result);
-  /// A block whose exposure lies longer back is stalled: the firmware hangs, or has no processor. That a camera is
-  /// missing is known, so there is nothing new to say.
+  /// A block whose exposure is longer ago than this is stalled: the firmware hangs or gets no processor time. Not so
+  /// while the block reports a camera fault, which explains its age.
   void set_stale_after(std::int64_t stale_after_ns) { stale_after_ns_ = stale_after_ns; }
   bool is_stalled(const RegisterImage& image, std::int64_t now_ns) const {
     const bool is_measured = image.exposure_ns != 0 && !(image.words[0] & kCameraFault);
@@ -85,21 +85,21 @@ class Control {
   std::int64_t unlocked_until_ns(std::uint32_t client) const;
   std::uint16_t word(int address, const ClientAccess& access, std::int64_t now_ns) const;
 
-  static constexpr std::uint32_t kNoOrder = 0xFFFF'FFFF;
+  static constexpr std::uint32_t kNoCommand = 0xFFFF'FFFF;
   const std::uint16_t key_;
   const RuntimeSettings factory_;
-  std::mutex mutex_;  ///< among clients' threads
+  std::mutex mutex_;  ///< between clients' threads; the frame loop never takes it
   struct Unlocked {
     std::uint32_t client = 0;
     std::int64_t until_ns = 0;
   };
-  std::array<Unlocked, 16> unlocked_;  ///< the last ones; who writes the key when it is full takes the oldest's place
+  std::array<Unlocked, 16> unlocked_;  ///< when it is full, the next client replaces the one unlocked first
   RuntimeSettings settings_;
   std::uint16_t command_ = 0, sequence_ = 0;
   TripleBuffer<RuntimeSettings> to_loop_;
-  std::atomic<std::uint32_t> order_{kNoOrder};
-  std::uint16_t taken_sequence_ = 0;      ///< of the running command
-  std::atomic<bool> busy_{false};         ///< from the order to the result
+  std::atomic<std::uint32_t> pending_{kNoCommand};
+  std::uint16_t running_sequence_ = 0;    ///< register 1001 of the pending or running command
+  std::atomic<bool> busy_{false};         ///< from the request to the result
   std::atomic<std::uint32_t> result_{0};  ///< sequence << 16 | result
   std::atomic<std::uint16_t> recording_{0};
   std::atomic<std::int64_t> stale_after_ns_{std::numeric_limits<std::int64_t>::max()};

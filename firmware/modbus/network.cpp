@@ -8,7 +8,7 @@
 namespace finsight {
 
 std::optional<Network> Network::parse(const std::string& text) {
-  if (text.find('\0') != std::string::npos) return std::nullopt;  // inet_pton would not see what follows
+  if (text.find('\0') != std::string::npos) return std::nullopt;  // inet_pton would ignore what follows
   const std::size_t slash = text.find('/');
   int prefix = 32;
   if (slash != std::string::npos) {

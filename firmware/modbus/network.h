@@ -1,4 +1,4 @@
-// Which clients: IPv4 addresses and networks.
+// IPv4 addresses and networks, and lists of clients made of them.
 #pragma once
 
 #include <cstdint>
@@ -8,17 +8,18 @@
 
 namespace finsight {
 
-/// "192.168.0.0/24", or one address.
+/// A network such as "192.168.0.0/24", or a single address.
 struct Network {
-  std::uint32_t address = 0, mask = 0;  ///< host byte order
-  static std::optional<Network> parse(const std::string& text);
+  std::uint32_t address = 0, mask = 0;                           ///< host byte order
+  static std::optional<Network> parse(const std::string& text);  ///< nothing if `text` is neither
+  bool is_address() const { return mask == 0xFFFF'FFFFU; }
   bool contains(std::uint32_t client) const { return (client & mask) == (address & mask); }
 };
 
-/// Dotted decimal, with a prefix length ("/24", at least 1) or without.
+/// Whether `text` is an address in dotted decimal, with a prefix length ("/24", at least 1) or without, as told.
 bool is_ipv4(const std::string& text, bool with_prefix);
 
-/// An empty list is everybody.
+/// Whether the client is on the list; everybody is on an empty list.
 bool is_listed(const std::vector<Network>& list, std::uint32_t client);
 
 }  // namespace finsight

@@ -10,7 +10,7 @@ namespace finsight {
 namespace {
 
 using Request = std::span<const std::uint8_t>;
-using Reply = std::span<std::uint8_t, kLargestPdu>;
+using Reply = std::span<std::uint8_t, kMaxPdu>;
 
 enum Function : std::uint8_t {
   kReadHoldingRegisters = 3,
@@ -22,7 +22,7 @@ enum Function : std::uint8_t {
 };
 
 constexpr int kMaxRegistersPerRead = 125;
-constexpr int kMaxRegistersPerWrite = 123;      // of function 16
+constexpr int kMaxRegistersPerWrite = 123;      // by function 16
 constexpr int kMaxRegistersPerReadWrite = 121;  // written by function 23
 
 std::size_t exception(Request request, Exception code, Reply reply) {
@@ -37,14 +37,14 @@ bool is_in_control(int address, int quantity) {
   return address >= kControlAddress && address + quantity <= kControlAddress + kControlRegisters;
 }
 
-/// Sections 6.3 and 6.4: the quantity is judged before the address.
+/// Sections 6.3 and 6.4: the quantity is checked before the address.
 Exception check_read(int address, int quantity) {
   if (quantity < 1 || quantity > kMaxRegistersPerRead) return Exception::kIllegalValue;
   const bool exists = address + quantity <= kMeasurementRegisters || is_in_control(address, quantity);
   return exists ? Exception::kNone : Exception::kIllegalAddress;
 }
 
-/// Registers that exist, as a reply of function 3, 4 or 23.
+/// The response of function 3, 4 or 23; the registers exist.
 std::size_t reply_words(Request request, int address, int quantity, const DeviceView& device,
                         const ClientAccess& access, Reply reply) {
   std::array<std::uint16_t, kMaxRegistersPerRead> buffer;
@@ -64,7 +64,7 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
   return end;
 }
 
-/// Words as they follow each other in the request, from byte `at` on.
+/// Writes the words that the request holds from byte `at` on.
 Exception write_words(Request request, std::size_t at, int address, int quantity, const DeviceView& device,
                       const ClientAccess& access) {
   if (!is_in_control(address, quantity)) return Exception::kIllegalAddress;
@@ -76,7 +76,7 @@ Exception write_words(Request request, std::size_t at, int address, int quantity
   return device.control.write(address, {words.data(), static_cast<std::size_t>(quantity)}, access, device.now_ns);
 }
 
-/// Section 6.6 and 6.12: what is written is echoed, without its values.
+/// Sections 6.6 and 6.12: the first five bytes are echoed.
 std::size_t reply_written(Request request, Exception code, Reply reply) {
   if (code != Exception::kNone) return exception(request, code, reply);
   std::copy_n(request.begin(), 5, reply.begin());
@@ -107,7 +107,7 @@ std::size_t write_many(Request request, const DeviceView& device, const ClientAc
   return reply_written(request, write_words(request, kHeader, address, quantity, device, access), reply);
 }
 
-/// Section 6.17: the write comes first. What would be read is judged before it, so that nothing is half done.
+/// Section 6.17: the write comes first. The read is checked before it, so that a request is never half carried out.
 std::size_t read_and_write(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   constexpr std::size_t kHeader = 10;
   const int quantity = request.size() < kHeader ? 0 : word_at(request, 7);
@@ -124,7 +124,7 @@ std::size_t read_and_write(Request request, const DeviceView& device, const Clie
   return reply_words(request, read_address, read_quantity, device, access, reply);
 }
 
-// Section 6.21, read device identification. Objects 0...2 are basic, up to 0x7F regular.
+// Section 6.21, read device identification. Objects 0 to 2 are basic, those up to 0x7F regular.
 struct IdentityObject {
   std::uint8_t id;
   std::string_view text;
@@ -137,18 +137,19 @@ constexpr IdentityObject kIdentity[] = {
     {0x05, "FS-1 in-finger vision"},  // model name
 };
 constexpr std::uint8_t kReadDeviceIdentification = 14;
-constexpr std::uint8_t kRegularAndIndividualAccess = 0x82;  // conformity level: all of kIdentity, by list or one by one
+constexpr std::uint8_t kRegularAndIndividualAccess = 0x82;  // conformity level: kIdentity as a list or one by one
 constexpr std::size_t kIdentityHeader = 7;
 enum ReadDeviceId : std::uint8_t { kBasic = 1, kExtended = 3, kIndividual = 4 };
 
-// So that an answer never needs a second request ("more follows" is always 0).
+// All objects fit into one response, so "more follows" is always 0.
 static_assert([] {
   std::size_t length = kIdentityHeader;
   for (const IdentityObject& object : kIdentity) length += 2 + object.text.size();
-  return length <= kLargestPdu;
+  return length <= kMaxPdu;
 }());
 
-/// The objects that a request gets: all of its category from the one named on; one that does not exist means the first.
+/// The objects that a request gets: those of its category from `object_id` on, or from the first if that does not
+/// exist.
 std::span<const IdentityObject> identity_objects(std::uint8_t code, std::uint8_t object_id) {
   const auto last = std::find_if(std::begin(kIdentity), std::end(kIdentity),
                                  [&](const IdentityObject& object) { return code == kBasic && object.id > 2; });

@@ -24,13 +24,13 @@ namespace {
 
 // A frame: unit (1 byte), PDU, checksum (2, low byte first).
 constexpr std::size_t kChecksum = 2;
-constexpr std::size_t kLargestFrame = 1 + kLargestPdu + kChecksum;
+constexpr std::size_t kMaxFrame = 1 + kMaxPdu + kChecksum;
 
-// A pause that ends a frame. The standard's 3.5 characters cannot be kept by USB adapters, which deliver in portions of
-// up to 16 ms; frames that we answer are known by their length and wait for nothing.
-constexpr int kPause_ms = 20;
+// Silence that ends a frame. The standard's 3.5 characters are of no use with USB adapters, which deliver in chunks up
+// to 16 ms apart. Requests that we answer are recognised by their length and do not wait for the silence.
+constexpr int kSilence_ms = 20;
 constexpr int kReopen_ms = 1000;
-constexpr std::chrono::microseconds kShortestGap{1750};  // before an answer; 3.5 characters below 19200 bits/s
+constexpr std::chrono::microseconds kMinGap{1750};  // before an answer; 3.5 characters if those are longer
 
 std::uint16_t checksum(std::span<const std::uint8_t> bytes) {
   std::uint16_t crc = 0xFFFF;
@@ -41,14 +41,14 @@ std::uint16_t checksum(std::span<const std::uint8_t> bytes) {
   return crc;
 }
 
-bool is_whole(std::span<const std::uint8_t> frame) {
+bool has_correct_checksum(std::span<const std::uint8_t> frame) {
   if (frame.size() < 2 + kChecksum) return false;
   const auto body = frame.first(frame.size() - kChecksum);
   return checksum(body) == (frame[body.size()] | frame[body.size() + 1] << 8);
 }
 
-/// Length of a request that begins with these bytes; 0: not known (yet), or no function that we answer with data.
-std::size_t known_length(std::span<const std::uint8_t> begin) {
+/// The length of the request that begins with these bytes; 0 if it cannot be told (yet).
+std::size_t request_length(std::span<const std::uint8_t> begin) {
   const auto counted = [&](std::size_t count_at) {
     return begin.size() > count_at ? count_at + 1 + begin[count_at] + kChecksum : 0;
   };
@@ -77,7 +77,7 @@ struct SerialLine::Impl {
       : settings(wanted), control(served), report(std::move(listener)), wake(::eventfd(0, EFD_CLOEXEC)) {
     if (wake < 0) throw std::system_error(errno, std::generic_category(), "Modbus RTU");
     const auto character_us = std::chrono::microseconds(11'000'000 / settings.baud);
-    gap = std::max(kShortestGap, character_us * 7 / 2);
+    gap = std::max(kMinGap, character_us * 7 / 2);
     thread = std::thread([this] { run(); });
   }
 
@@ -88,15 +88,15 @@ struct SerialLine::Impl {
   }
 
   void run() {
-    bool told = false;
+    bool is_reported = false;
     while (!stopping) {
       if (open()) {
         tell("is open");
-        told = false;
+        is_reported = false;
         serve();
-        if (!stopping) tell("was lost; it is opened again as soon as it is there");
-      } else if (!std::exchange(told, true)) {
-        tell(std::string("cannot be opened (") + modbus_strerror(errno) + "); it is tried again every second");
+        if (!stopping) tell("was lost; it will be opened again as soon as it is back");
+      } else if (!std::exchange(is_reported, true)) {
+        tell(std::string("cannot be opened (") + modbus_strerror(errno) + "); trying again every second");
       }
       line.reset();
       if (!stopping) wait(-1, kReopen_ms);
@@ -113,7 +113,8 @@ struct SerialLine::Impl {
     if (report) report("Modbus RTU: " + settings.device + " " + what);
   }
 
-  /// Waits for the device or the end of the program. Negative: the device is gone; 0: nothing came in time.
+  /// Waits for bytes. Returns 1 if there are some, 0 if none came in time, -1 if the device is gone or the program
+  /// ends.
   int wait(int device, int timeout_ms) {
     pollfd polled[] = {{wake, POLLIN, 0}, {device, POLLIN, 0}};
     ::poll(polled, 2, timeout_ms);
@@ -122,64 +123,64 @@ struct SerialLine::Impl {
     return polled[1].revents ? 1 : 0;
   }
 
-  // Until the device is gone or the program ends.
+  /// Returns when the device is gone or the program ends.
   void serve() {
     const int device = modbus_get_socket(line.get());
     used = 0;
     for (;;) {
-      const int ready = wait(device, used > 0 ? kPause_ms : -1);
+      const int ready = wait(device, used > 0 ? kSilence_ms : -1);
       if (ready < 0) return;
-      if (ready == 0) {  // a pause: what has come is a frame, or rubbish
+      if (ready == 0) {  // silence: what has arrived is a frame or noise
         const std::span<const std::uint8_t> frame(bytes.data(), std::exchange(used, 0));
-        if (is_whole(frame) && !hear(frame)) return;
+        if (has_correct_checksum(frame) && !answer(frame)) return;
         continue;
       }
       if (used == bytes.size()) used = 0;  // longer than any frame
       const ssize_t got = ::read(device, &bytes[used], bytes.size() - used);
       if (got == 0 || (got < 0 && errno != EAGAIN && errno != EINTR)) return;
       if (got > 0) used += static_cast<std::size_t>(got);
-      if (!hear_known()) return;
+      if (!answer_early()) return;
     }
   }
 
-  // Frames whose length is known wait for no pause. Of a line with several units we also hear the others' answers,
-  // perhaps without a pause before the next request: so beside all bytes since the last pause, the last ones are looked
-  // at: our address, a function that we know, its length, and a correct checksum.
-  bool hear_known() {
+  // A request of known length is answered without waiting for silence. On a line with several units we also receive the
+  // others' answers, perhaps without a gap before the next request. So not only all bytes since the last silence may be
+  // a request, but also the last 8 or 7 of them: with our address, a function of that length, and a correct checksum.
+  bool answer_early() {
     const std::span<const std::uint8_t> all(bytes.data(), used);
     for (const std::size_t length : {used, std::size_t{8}, std::size_t{7}}) {
       if (used < length || length < 2) continue;
       const auto frame = all.last(length);
       const bool for_us = frame[0] == settings.unit || (frame[0] == 0 && length == used);
-      if (!for_us || known_length(frame) != length || !is_whole(frame)) continue;
+      if (!for_us || request_length(frame) != length || !has_correct_checksum(frame)) continue;
       used = 0;
-      return hear(frame);
+      return answer(frame);
     }
     return true;
   }
 
-  /// A whole frame. False: the device does not take the answer.
-  bool hear(std::span<const std::uint8_t> frame) {
+  /// Answers a whole frame if it is for us. False: the answer could not be sent.
+  bool answer(std::span<const std::uint8_t> frame) {
     const bool is_broadcast = frame[0] == 0 && is_write(frame[1]);
     if (frame[0] != settings.unit && !is_broadcast) return true;
     if (!is_broadcast) std::this_thread::sleep_for(gap);
-    std::array<std::uint8_t, 1 + kLargestPdu> reply;
+    std::array<std::uint8_t, 1 + kMaxPdu> reply;
     reply[0] = frame[0];
     const std::size_t length = answer_request(frame.subspan(1, frame.size() - 1 - kChecksum), view_now(latest, control),
-                                              access, std::span<std::uint8_t, kLargestPdu>(&reply[1], kLargestPdu));
+                                              access, std::span<std::uint8_t, kMaxPdu>(&reply[1], kMaxPdu));
     if (is_broadcast) return true;
     return modbus_send_raw_request(line.get(), reply.data(), static_cast<int>(1 + length)) > 0;  // adds the checksum
   }
 
   const SerialSettings settings;
   Control& control;
-  ClientAccess access{.may_write = true};  // who is on the line was let onto it
+  ClientAccess access{.may_write = true};  // whoever is wired to the line may write
   const std::function<void(const std::string&)> report;
   const int wake;
   std::chrono::microseconds gap;
-  bool stopping = false;  // of the thread's own
+  bool stopping = false;  // used by the thread only
   std::unique_ptr<modbus_t, decltype(&modbus_free)> line{nullptr, &modbus_free};
-  std::array<std::uint8_t, kLargestFrame> bytes;
+  std::array<std::uint8_t, kMaxFrame> bytes;
   std::size_t used = 0;
   TripleBuffer<RegisterImage> latest{empty_block()};
   std::thread thread;

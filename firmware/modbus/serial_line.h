@@ -1,5 +1,5 @@
-// Modbus RTU (Modbus over Serial Line V1.02) on one serial device, in a thread of its own. The only place that sees
-// libmodbus.
+// Modbus RTU (Modbus over Serial Line V1.02) on one serial device, in a thread of its own. Only serial_line.cpp
+// includes libmodbus.
 #pragma once
 
 #include <functional>
@@ -15,19 +15,19 @@ struct SerialSettings {
   std::string device;  ///< such as /dev/ttyUSB0
   int baud = 19200;    ///< bits per second
   char parity = 'E';   ///< 'E', 'O' or 'N'
-  int stop_bits = 1;   ///< the standard wants 2 when there is no parity
-  int unit = 1;        ///< our address on the line: 1...247
-  bool rs485 =
-      false;  ///< the kernel's driver switches the transmitter (TIOCSRS485); adapters that do it alone need not
+  int stop_bits = 1;   ///< the standard asks for 2 without parity
+  int unit = 1;        ///< our address on the line, 1 to 247
+  /// The kernel's driver switches the transmitter (TIOCSRS485). Most adapters do it by themselves and need false.
+  bool rs485 = false;
 };
 
-/// Answers requests to our unit from the last published RegisterImage and `control`, and carries out broadcast writes
-/// (unit 0, functions 6 and 16) without an answer. A device that is missing or vanishes is opened again every second.
-/// What is not a whole request with a correct checksum is dropped as the standard says, without an answer.
+/// Answers requests to our unit from the latest published RegisterImage and from `control`, and carries out broadcast
+/// writes (unit 0, functions 6 and 16) without an answer. While the device is missing, opens it again every second.
+/// Drops whatever is not a whole request with a correct checksum, as the standard says.
 class SerialLine {
  public:
-  /// `report` hears in one sentence when the device is open, and once when it cannot be opened or is lost.
-  /// `control` must outlive the line.
+  /// `report` gets one sentence when the device has been opened, cannot be opened (once) or has been lost; it is called
+  /// from the line's thread. `control` must outlive the line.
   SerialLine(const SerialSettings& settings, Control& control, std::function<void(const std::string&)> report);
   ~SerialLine();
   /// Wait-free, from one thread at a time.

@@ -1,4 +1,4 @@
-// The latest value on its way from one thread to another.
+// Hands the latest value from one thread to another.
 #pragma once
 
 #include <array>
@@ -6,8 +6,8 @@
 
 namespace finsight {
 
-/// Three values in rotation: one being written, one being read, one between them that holds the latest. One thread
-/// publishes, one reads; neither ever waits.
+/// Three slots: one is written, one is read, and one between them holds the latest value. One thread publishes, one
+/// reads, and neither ever waits.
 template <class T>
 class TripleBuffer {
  public:
@@ -16,7 +16,7 @@ class TripleBuffer {
     slots_[writing_] = value;
     writing_ = between_.exchange(writing_ | kNew, std::memory_order_acq_rel) & kSlot;
   }
-  /// The last one published; the reference stays good until the next read.
+  /// The latest value; the reference is valid until the next read.
   const T& read() {
     if (between_.load(std::memory_order_relaxed) & kNew) {
       reading_ = between_.exchange(reading_, std::memory_order_acq_rel) & kSlot;

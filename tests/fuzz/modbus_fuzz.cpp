@@ -1,5 +1,5 @@
-// libFuzzer target: no bytes on the wire make the Modbus server's request code misbehave. The input is a TCP stream of
-// one client, cut into frames as the server cuts it, with the frame loop's turns in between.
+// libFuzzer target: no bytes on the wire make the Modbus server's request code misbehave. The input is the TCP stream
+// of one client, divided into frames as the server does it; between frames, the frame loop may take a command.
 //   cmake -S . -B build/fuzz -G Ninja -DFINSIGHT_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++
 //   cmake --build build/fuzz --target fuzz_modbus
 //   build/fuzz/tests/fuzz_modbus -runs=1000000 NEW_INPUTS_FOLDER tests/fuzz/modbus_corpus
@@ -17,7 +17,8 @@ void require(bool holds) {
   if (!holds) std::abort();
 }
 
-bool is_regular(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {
+/// Whether a response has the form that its request calls for.
+bool is_well_formed(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {
   if (reply.size() == 2 && reply[0] == (request[0] | 0x80)) {
     return reply[1] == 1 || reply[1] == 2 || reply[1] == 3 || reply[1] == 6;
   }
@@ -47,17 +48,17 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   std::size_t at = 0;
   while (at + kHeader < size) {
     const std::size_t length = static_cast<std::size_t>(bytes[at + 4] << 8 | bytes[at + 5]);
-    if (bytes[at + 2] || bytes[at + 3] || length < 2 || length > 1 + kLargestPdu) return 0;  // the server closes
+    if (bytes[at + 2] || bytes[at + 3] || length < 2 || length > 1 + kMaxPdu) return 0;  // the server closes
     if (at + kHeader - 1 + length > size) return 0;
-    // Blocks of exactly their size, so that a byte read beyond is seen.
+    // A buffer of exactly the right size, so that the sanitizer sees any read beyond it.
     const std::unique_ptr<std::uint8_t[]> request(new std::uint8_t[length - 1]);
     std::copy_n(bytes + at + kHeader, length - 1, request.get());
-    std::array<std::uint8_t, kLargestPdu> reply;
+    std::array<std::uint8_t, kMaxPdu> reply;
     const std::span<const std::uint8_t> asked(request.get(), length - 1);
     const std::size_t answered = answer_request(asked, view_now(latest, control), access, reply);
-    require(answered >= 2 && answered <= kLargestPdu && is_regular(asked, {reply.data(), answered}));
+    require(answered >= 2 && answered <= kMaxPdu && is_well_formed(asked, {reply.data(), answered}));
     require(are_valid(control.settings()));
-    // The transaction's number says whether the frame loop has a turn, and what comes of a command.
+    // The transaction id decides whether the frame loop takes a command now, and what its result is.
     if (const auto command = bytes[at] & 1 ? control.take_command() : std::nullopt) {
       require(*command <= Command::kFactory);
       control.finish(static_cast<CommandResult>(bytes[at + 1] & 3));

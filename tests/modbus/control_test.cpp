@@ -28,7 +28,7 @@ struct Client {
 
 }  // namespace
 
-TEST_CASE("control: the key unlocks for 30 seconds, counted from its last writing") {
+TEST_CASE("control: the key unlocks for 30 seconds from when it was last written") {
   Control control(4711);
   Client client(control);
   CHECK(client.write(1016, {100}) == Exception::kIllegalFunction);
@@ -42,7 +42,7 @@ TEST_CASE("control: the key unlocks for 30 seconds, counted from its last writin
   CHECK(client.read(1016) == 101);
 }
 
-TEST_CASE("control: as many clients as write the key are unlocked, the oldest of too many is not") {
+TEST_CASE("control: 16 clients can be unlocked at once; one more replaces the one unlocked first") {
   Control control;
   for (std::uint32_t n = 1; n <= 17; ++n)
     CHECK(Client(control, n).write(1004, {kDefaultWriteKey}, n) == Exception::kNone);
@@ -50,11 +50,11 @@ TEST_CASE("control: as many clients as write the key are unlocked, the oldest of
   for (std::uint32_t n = 2; n <= 17; ++n) CHECK(Client(control, n).write(1016, {100}, 18) == Exception::kNone);
 }
 
-TEST_CASE("control: several settings are judged together, and none is taken of a wrong set") {
+TEST_CASE("control: settings written together are checked together, and an invalid set changes nothing") {
   Control control;
   Client client(control);
   client.write(1004, {kDefaultWriteKey});
-  CHECK(client.write(1010, {9, 8}) == Exception::kNone);  // each alone would cross the other
+  CHECK(client.write(1010, {9, 8}) == Exception::kNone);  // written one by one, "on" would be below "off" in between
   CHECK(client.write(1010, {50, 60}) == Exception::kIllegalValue);
   CHECK(client.write(1012, {300, 250, 1500, 1600}) == Exception::kIllegalValue);
   CHECK(client.read(1012) == 200);
@@ -62,7 +62,7 @@ TEST_CASE("control: several settings are judged together, and none is taken of a
   CHECK(control.settings()[kGentleOn] == 200);
 }
 
-TEST_CASE("control: a command's code alone starts nothing; its number does, once") {
+TEST_CASE("control: a command starts when its number is written, and only once") {
   Control control;
   Client client(control);
   client.write(1004, {kDefaultWriteKey});
@@ -81,7 +81,7 @@ TEST_CASE("control: a command's code alone starts nothing; its number does, once
   CHECK(client.read(1001) == 1);
 }
 
-TEST_CASE("control: of two clients one is busy") {
+TEST_CASE("control: while one client's command runs, the other client is told busy") {
   Control control;
   Client first(control, 1), second(control, 2);
   first.write(1004, {kDefaultWriteKey});
@@ -95,7 +95,7 @@ TEST_CASE("control: of two clients one is busy") {
   CHECK(second.write(1000, {1, 6}) == Exception::kNone);
 }
 
-TEST_CASE("network: addresses and networks contain what they say") {
+TEST_CASE("network: an address contains itself, a network its addresses") {
   const auto contains = [](const char* list, std::uint32_t client) { return Network::parse(list)->contains(client); };
   CHECK(contains("192.168.0.7", 0xC0A80007));
   CHECK_FALSE(contains("192.168.0.7", 0xC0A80008));

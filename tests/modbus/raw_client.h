@@ -1,4 +1,4 @@
-// A TCP client that sends any bytes, for tests of the Modbus server.
+// A TCP client that sends arbitrary bytes, for tests of the Modbus server.
 #pragma once
 
 #include <arpa/inet.h>
@@ -17,7 +17,7 @@ namespace finsight::tests {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// "0001 0000 0006" as bytes; 'text' stands for its characters.
+/// Hexadecimal digits ("0001 0000 0006") as bytes; 'text' in single quotes stands for its characters.
 inline Bytes hex(const std::string& text) {
   Bytes bytes;
   int digits = 0, value = 0;
@@ -40,7 +40,7 @@ inline Bytes operator+(Bytes a, const Bytes& b) {
   return a;
 }
 
-/// A plain TCP connection. Waits are bounded so that a broken server fails a test and does not hang it.
+/// A plain TCP connection. Its waits are bounded so that a broken server makes a test fail instead of hanging it.
 class Connection {
  public:
   explicit Connection(int port, int receive_buffer = 0, const char* from = nullptr)
@@ -68,7 +68,7 @@ class Connection {
   bool send(const Bytes& bytes) {
     return ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(bytes.size());
   }
-  /// `count` bytes, or fewer if the server closes or stays silent.
+  /// Up to `count` bytes; fewer if the server closes the connection or stays silent.
   Bytes receive(std::size_t count) {
     Bytes bytes(count);
     std::size_t used = 0;
@@ -81,14 +81,14 @@ class Connection {
     return bytes;
   }
   Bytes ask(const Bytes& request, std::size_t reply_length) { return send(request) ? receive(reply_length) : Bytes{}; }
-  /// Waits until the server has closed; false if it sends something or does nothing.
+  /// Waits until the server closes the connection; false if it sends something or does nothing instead.
   bool is_closed_by_server() {
     std::uint8_t byte;
     const ssize_t got = ::recv(fd_, &byte, 1, 0);
     return got == 0 || (got < 0 && errno == ECONNRESET);
   }
-  /// Goes away with a reset, dropping what is on its way.
-  void vanish() {
+  /// Resets the connection; data on its way is dropped.
+  void reset() {
     const linger abort{1, 0};
     ::setsockopt(fd_, SOL_SOCKET, SO_LINGER, &abort, sizeof abort);
     close();

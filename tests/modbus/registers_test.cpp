@@ -24,14 +24,14 @@ struct Scene {
 
   RegisterImage encoded() const {
     RegisterImage image;
-    image.words.fill(0xDEAD);  // whatever is not written shows
+    image.words.fill(0xDEAD);  // so that a word that is not written is noticed
     encode_registers(poses, shape, touch, state, image);
     return image;
   }
   std::uint16_t word(std::size_t address) const { return encoded().words[address]; }
 };
 
-/// A bent finger with every value different.
+/// A touched finger of which all values differ.
 Scene touched_finger() {
   Scene s;
   s.poses.plates[kTopPlate] = {{1.5F, -0.25F, 12.0F}, {0.1F, -0.2F, 0.01F}};
@@ -81,7 +81,7 @@ TEST_CASE("registers: word order CDAB swaps the words of every 32-bit register a
   CHECK(swapped.words[21] == 0x3FC0);
 }
 
-TEST_CASE("registers: before any result nothing is ready and nothing looks like a measurement") {
+TEST_CASE("registers: before the first result the device is not ready and no value is valid") {
   const RegisterImage image = Scene{}.encoded();
   for (const std::size_t a : {0U, 1U, 2U, 3U, 32U, 33U, 34U, 35U, 36U, 37U, 43U, 44U, 45U}) {
     CHECK_MESSAGE(image.words[a] == 0, "register " << a);
@@ -97,7 +97,7 @@ TEST_CASE("registers: before any result nothing is ready and nothing looks like 
   CHECK(image.words[39] == 0x1234);
 }
 
-TEST_CASE("registers: values out of range saturate just short of the code for not valid") {
+TEST_CASE("registers: values out of range saturate just short of the invalid value") {
   Scene scene = touched_finger();
   scene.touch.point_mm = {400.0F, -400.0F, 327.67F};
   scene.touch.contact_mm = {-327.68F, 1e30F, -1e30F};
@@ -130,7 +130,7 @@ TEST_CASE("registers: a latency that would be negative is 0") {
   CHECK(scene.word(4) == 0);
 }
 
-TEST_CASE("registers: a value that is not finite never reaches the block, nor does its status bit") {
+TEST_CASE("registers: a value that is not finite is never published, nor is its status bit set") {
   for (const float bad : {kNan, -kNan, kInf, -kInf}) {
     Scene scene = touched_finger();
     scene.touch.force_n = bad;
@@ -148,7 +148,7 @@ TEST_CASE("registers: a value that is not finite never reaches the block, nor do
     CHECK(scene.word(20) == 0x7FC0);
 
     scene = touched_finger();
-    scene.touch.radius_68_mm = bad;  // the position stands without its uncertainty
+    scene.touch.radius_68_mm = bad;  // the position is valid without its uncertainty
     CHECK((scene.word(0) & kTouchValid) != 0);
     CHECK(scene.word(5) == 150);
     CHECK(scene.word(8) == 65535);
@@ -166,7 +166,7 @@ TEST_CASE("registers: a value that is not finite never reaches the block, nor do
   }
 }
 
-TEST_CASE("registers: a rated deformation of 0 gives no level") {
+TEST_CASE("registers: without a positive rated deformation there is no deformation level") {
   Scene scene = touched_finger();
   for (const float rated : {0.0F, -1.0F, kNan}) {
     scene.state.rated_deformation_mm = rated;
@@ -204,7 +204,7 @@ TEST_CASE("registers: each status bit follows its own cause") {
         (kContact | kTopSeen | kMiddleSeen | kLowSeen));
 }
 
-TEST_CASE("registers: the fault code and the shape's source are the numbers of the table") {
+TEST_CASE("registers: fault and shape source have the numbers of the register table") {
   Scene scene = touched_finger();
   scene.state.fault = FaultCode::kSolverFailed;
   scene.shape.source = ShapeSource::kMap;
@@ -212,7 +212,7 @@ TEST_CASE("registers: the fault code and the shape's source are the numbers of t
   CHECK(scene.word(43) == 1);
 }
 
-TEST_CASE("registers: the age counts from the exposure to the moment of the read") {
+TEST_CASE("registers: the age is the time from the exposure to the read") {
   RegisterImage image = touched_finger().encoded();
   const auto age = [&image](std::int64_t now_ns) {
     set_age(image, now_ns);
@@ -224,7 +224,7 @@ TEST_CASE("registers: the age counts from the exposure to the moment of the read
   CHECK(age(4'000'000'000) == 0);
   CHECK(age(60'000'000'000) == 65534);
   CHECK(age(std::numeric_limits<std::int64_t>::max()) == 65534);
-  CHECK(image.words[2] == 65535);  // its neighbours stay
+  CHECK(image.words[2] == 65535);  // its neighbours are not changed
   CHECK(image.words[4] == 123);
   RegisterImage never = Scene{}.encoded();
   set_age(never, 5'000'000'000);

@@ -14,7 +14,7 @@ namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-/// Register i of the block holds 0x1000 + i; the client may write.
+/// The response of a device whose register i holds 0x1000 + i; the client may write and has unlocked.
 Bytes answer(const Bytes& request) {
   Control control;
   DeviceView device{{}, control, 0};
@@ -22,7 +22,7 @@ Bytes answer(const Bytes& request) {
     device.image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
   const ClientAccess access{.may_write = true};
   control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
-  std::array<std::uint8_t, kLargestPdu> reply{};
+  std::array<std::uint8_t, kMaxPdu> reply{};
   const std::size_t length = answer_request(request, device, access, reply);
   return {reply.begin(), reply.begin() + static_cast<std::ptrdiff_t>(length)};
 }
@@ -32,7 +32,7 @@ Bytes read_request(int function, int address, int quantity) {
   return {byte(function), byte(address >> 8), byte(address), byte(quantity >> 8), byte(quantity)};
 }
 
-/// Identification objects of a reply, as "id=text" in order.
+/// The identification objects in a response, in order, as "id=text".
 std::vector<std::string> objects_in(const Bytes& reply) {
   std::vector<std::string> objects;
   std::size_t at = 7;
@@ -52,7 +52,7 @@ const std::vector<std::string> kAll = {"0=Finsight", "1=FS-1", "2=" FINSIGHT_VER
 
 }  // namespace
 
-TEST_CASE("request: a read passes exactly when the Modbus specification allows it") {
+TEST_CASE("request: a read succeeds exactly when the Modbus specification allows it") {
   int wrong = 0;
   for (const int function : {3, 4}) {
     for (int address = 0; address < 65536;
@@ -87,25 +87,25 @@ TEST_CASE("request: every other function code gets exception 1, whatever follows
 }
 
 TEST_CASE("request: a read of the wrong length gets exception 3") {
-  for (std::size_t length = 1; length <= kLargestPdu; ++length) {
+  for (std::size_t length = 1; length <= kMaxPdu; ++length) {
     Bytes request = read_request(3, 0, 1);
     request.resize(length);
     CHECK(answer(request) == (length == 5 ? Bytes{3, 2, 0x10, 0x00} : Bytes{0x83, 3}));
   }
 }
 
-TEST_CASE("request: identification lists the objects of its category from the one named on") {
+TEST_CASE("request: identification lists the objects of its category from the requested one on") {
   CHECK(objects_in(answer({43, 14, 1, 0})) == kBasic);
   CHECK(objects_in(answer({43, 14, 2, 0})) == kAll);
-  CHECK(objects_in(answer({43, 14, 3, 0})) == kAll);  // more than there is: what there is
+  CHECK(objects_in(answer({43, 14, 3, 0})) == kAll);  // extended: there are no more
   CHECK(objects_in(answer({43, 14, 1, 1})) == std::vector<std::string>{kBasic[1], kBasic[2]});
   CHECK(objects_in(answer({43, 14, 2, 4})) == std::vector<std::string>{kAll[3], kAll[4]});
-  CHECK(objects_in(answer({43, 14, 1, 4})) == kBasic);  // not basic: from the beginning
+  CHECK(objects_in(answer({43, 14, 1, 4})) == kBasic);  // not a basic object: from the beginning
   CHECK(objects_in(answer({43, 14, 2, 3})) == kAll);    // unknown: from the beginning
   CHECK(objects_in(answer({43, 14, 2, 255})) == kAll);
 }
 
-TEST_CASE("request: identification gives single objects, and exception 2 for unknown ones") {
+TEST_CASE("request: identification returns single objects, and exception 2 for unknown ones") {
   for (int id = 0; id < 256; ++id) {
     const Bytes reply = answer({43, 14, 4, static_cast<std::uint8_t>(id)});
     const std::string start = std::to_string(id) + "=";
@@ -122,7 +122,7 @@ TEST_CASE("request: identification gives single objects, and exception 2 for unk
   }
 }
 
-TEST_CASE("request: malformed identification gets the exception of its fault") {
+TEST_CASE("request: a malformed identification request gets the exception for what is wrong with it") {
   CHECK(answer({43}) == Bytes{0xAB, 1});
   CHECK(answer({43, 13, 1, 0}) == Bytes{0xAB, 1});
   CHECK(answer({43, 14}) == Bytes{0xAB, 3});
@@ -134,7 +134,7 @@ TEST_CASE("request: malformed identification gets the exception of its fault") {
   }
 }
 
-TEST_CASE("request: a million random requests get a whole reply of their function or an exception") {
+TEST_CASE("request: a million random requests each get a complete response of their function or an exception") {
   std::uint64_t state = 1;
   const auto random = [&state] {  // splitmix64
     std::uint64_t z = state += 0x9E3779B97F4A7C15U;
@@ -143,7 +143,7 @@ TEST_CASE("request: a million random requests get a whole reply of their functio
     return z ^ (z >> 31);
   };
   constexpr std::array<std::uint8_t, 8> kKnown = {3, 4, 6, 16, 23, 43, 6, 16};
-  std::array<std::uint8_t, kLargestPdu> request, reply;
+  std::array<std::uint8_t, kMaxPdu> request, reply;
   Control control;
   const DeviceView device{{}, control, 0};
   const ClientAccess access{.may_write = true};
@@ -151,9 +151,9 @@ TEST_CASE("request: a million random requests get a whole reply of their functio
   for (int i = 0; i < 1'000'000; ++i) {
     control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
     const std::uint64_t bits = random();
-    // Half of them near to what is right, so that the checks behind the first ones are reached too.
+    // Half of them are almost valid, so that they pass the first checks and reach those behind.
     const bool tame = bits & 1;
-    std::size_t length = 1 + (bits >> 8) % (tame ? 6 : kLargestPdu);
+    std::size_t length = 1 + (bits >> 8) % (tame ? 6 : kMaxPdu);
     for (std::size_t b = 0; b < length; ++b) request[b] = random() & (tame ? 0x0F : 0xFF);
     if (tame) request[0] = kKnown[bits >> 1 & 7];
     if (tame && bits & 16) {  // commands and settings

@@ -23,7 +23,7 @@ using namespace std::chrono_literals;
 
 namespace {
 
-/// A pair of pseudo terminals' ends: `line` is what the firmware opens, the other one is the bus.
+/// A pseudo terminal: the firmware opens one end of it as its line, the test uses the other one as the bus.
 class Bus {
  public:
   Bus() {
@@ -41,7 +41,7 @@ class Bus {
     }
   }
   void send(const Bytes& bytes) const { REQUIRE(::write(bus_, bytes.data(), bytes.size()) == ssize_t(bytes.size())); }
-  /// What comes until `quiet` passes without a byte, or `wanted` bytes are there.
+  /// Bytes until `wanted` have arrived or none has for the time `quiet`.
   Bytes receive(std::size_t wanted, std::chrono::milliseconds quiet = 1000ms) const {
     Bytes bytes;
     pollfd polled{bus_, POLLIN, 0};
@@ -63,7 +63,7 @@ class Bus {
   char name_[64];
 };
 
-/// With the checksum of the standard's appendix B, bit by bit from the definition (polynomial 0xA001, reflected).
+/// The frame with its checksum, computed bit by bit from the definition in the standard (polynomial 0xA001, reflected).
 Bytes sealed(Bytes frame) {
   unsigned crc = 0xFFFF;
   for (const std::uint8_t byte : frame) {
@@ -75,7 +75,8 @@ Bytes sealed(Bytes frame) {
   return frame;
 }
 
-class News {
+/// Collects what the line reports, from its thread.
+class Reports {
  public:
   void add(const std::string& text) {
     const std::lock_guard lock(mutex_);
@@ -97,7 +98,7 @@ class News {
 /// Unit 17 on a line of 19200 baud; register i holds 0x1000 + i.
 struct Served {
   explicit Served(const std::string& device)
-      : line(settings(device), control, [this](const std::string& n) { news.add(n); }) {
+      : line(settings(device), control, [this](const std::string& report) { reports.add(report); }) {
     RegisterImage image;
     for (std::size_t i = 0; i < image.words.size(); ++i) image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
     line.publish(image);
@@ -108,7 +109,7 @@ struct Served {
     settings.unit = 17;
     return settings;
   }
-  News news;
+  Reports reports;
   Control control;
   SerialLine line;
 };
@@ -117,14 +118,14 @@ const Bytes kRead = sealed(hex("11 03 0005 0002")), kReply = sealed(hex("11 03 0
 
 }  // namespace
 
-TEST_CASE("serial line: the checksum is that of the standard's example") {
+TEST_CASE("serial line: the tests' checksum is that of the standard's example") {
   CHECK(sealed(hex("02 07")) == hex("02 07 41 12"));  // Modbus over Serial Line V1.02, section 6.2.2
 }
 
-TEST_CASE("serial line: reads, refusals and identification get their exact bytes") {
+TEST_CASE("serial line: reads, refused requests and identification get their exact bytes") {
   const Bus bus;
   Served served(bus.device());
-  REQUIRE(served.news.wait_for("is open"));
+  REQUIRE(served.reports.wait_for("is open"));
   CHECK(bus.ask(kRead, kReply.size()) == kReply);
   CHECK(bus.ask(sealed(hex("11 04 002F 0001")), 7) == sealed(hex("11 04 02 102F")));
   CHECK(bus.ask(sealed(hex("11 03 002F 0002")), 5) == sealed(hex("11 83 02")));
@@ -136,10 +137,10 @@ TEST_CASE("serial line: reads, refusals and identification get their exact bytes
 }
 
 TEST_CASE(
-    "serial line: other units, broadcasts, wrong checksums and fragments get no answer, and the next request one") {
+    "serial line: after other units' requests, broadcasts, bad checksums and fragments it answers the next request") {
   const Bus bus;
   Served served(bus.device());
-  REQUIRE(served.news.wait_for("is open"));
+  REQUIRE(served.reports.wait_for("is open"));
   Bytes wrong = kRead;
   wrong.back() ^= 1;
   for (const Bytes& unanswered : {sealed(hex("12 03 0005 0002")), sealed(hex("00 03 0005 0002")), wrong, hex("11"),
@@ -149,10 +150,10 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("serial line: writes are answered at once, and broadcast ones are carried out without an answer") {
+TEST_CASE("serial line: writes are answered, and broadcast writes are carried out without an answer") {
   const Bus bus;
   Served served(bus.device());
-  REQUIRE(served.news.wait_for("is open"));
+  REQUIRE(served.reports.wait_for("is open"));
   const Bytes key = sealed(hex("11 06 03EC 4653"));
   CHECK(bus.ask(sealed(hex("11 06 03F8 0064")), 5) == sealed(hex("11 86 01")));
   CHECK(bus.ask(key, 8) == key);
@@ -165,21 +166,21 @@ TEST_CASE("serial line: writes are answered at once, and broadcast ones are carr
   CHECK(bus.ask(sealed(hex("11 03 03F8 0001")), 7) == sealed(hex("11 03 02 00C8")));
 }
 
-TEST_CASE("serial line: a request right after another unit's answer is heard, and one in pieces") {
+TEST_CASE("serial line: a request right behind another unit's answer is recognised, and so is one in pieces") {
   const Bus bus;
   Served served(bus.device());
-  REQUIRE(served.news.wait_for("is open"));
+  REQUIRE(served.reports.wait_for("is open"));
   CHECK(bus.ask(sealed(hex("12 03 04 1111 2222")) + kRead, kReply.size()) == kReply);
   bus.send({kRead.begin(), kRead.begin() + 3});
   std::this_thread::sleep_for(3ms);
   CHECK(bus.ask({kRead.begin() + 3, kRead.end()}, kReply.size()) == kReply);
 }
 
-TEST_CASE("serial line: a device that is missing is opened when it comes, and again after it was pulled") {
+TEST_CASE("serial line: a missing device is opened when it appears, and again after it has been unplugged") {
   const test::ScratchFolder folder;
   const auto device = folder.path() / "ttyUSB0";
   Served served(device.string());
-  REQUIRE(served.news.wait_for("cannot be opened (No such file or directory)"));
+  REQUIRE(served.reports.wait_for("cannot be opened (No such file or directory)"));
   for (int i = 0; i < 2; ++i) {
     Bus bus;
     std::filesystem::create_symlink(bus.device(), device);
@@ -188,18 +189,18 @@ TEST_CASE("serial line: a device that is missing is opened when it comes, and ag
       bus.send(kRead);
       reply = bus.receive(kReply.size(), 500ms);
     }
-    CHECK(reply.size() >= kReply.size());  // requests that waited in the device are answered as well
+    CHECK(reply.size() >= kReply.size());  // requests that waited in the device are answered, too
     std::filesystem::remove(device);
     bus.unplug();
-    CHECK(served.news.wait_for("was lost"));
+    CHECK(served.reports.wait_for("was lost"));
   }
 }
 
 TEST_CASE("serial line: libmodbus as a master reads the block") {
   const Bus bus;
   Served served(bus.device());
-  REQUIRE(served.news.wait_for("is open"));
-  // The master's own end: what it says comes out of its pseudo terminal and is carried over.
+  REQUIRE(served.reports.wait_for("is open"));
+  // libmodbus opens a pseudo terminal of its own; a thread carries bytes between the two.
   const Bus other;
   std::atomic<bool> stop{false};
   std::thread wire([&] {

@@ -1,4 +1,4 @@
-// A Modbus server to ask, and a question whose answer is known.
+// A Modbus server to test, and a request whose response is known.
 #pragma once
 
 #include <utility>
@@ -32,9 +32,10 @@ class Served {
 inline const Bytes kReadOne = hex("0001 0000 0006 01 03 0005 0001");
 inline const Bytes kReadOneReply = hex("0001 0000 0005 01 03 02 1005");
 
+/// The server answers this client.
 inline bool is_answered(Connection& client) { return client.ask(kReadOne, kReadOneReply.size()) == kReadOneReply; }
 
-/// Register i of the answer to a read.
+/// The i-th register in the response to a read.
 inline std::uint16_t word_at(const Bytes& reply, std::size_t i) {
   return static_cast<std::uint16_t>(reply[9 + 2 * i] << 8 | reply[10 + 2 * i]);
 }

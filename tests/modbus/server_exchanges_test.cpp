@@ -1,4 +1,4 @@
-// The exact bytes of answers.
+// Requests and the exact bytes of their responses.
 #include <doctest/doctest.h>
 #include <sys/socket.h>
 
@@ -82,17 +82,19 @@ const std::vector<Exchange>& exchanges() {
       {"a write", hex("0033 0000 0006 01 06 03F2 0032"), hex("0033 0000 0006 01 06 03F2 0032")},
       {"a write of two", hex("0034 0000 000B 01 10 03F2 0002 04 0014 000A"), hex("0034 0000 0006 01 10 03F2 0002")},
       {"a write without its bytes", hex("0035 0000 0009 01 10 03F2 0002 02 0014"), hex("0035 0000 0003 01 90 03")},
-      {"a write of none", hex("0036 0000 0007 01 10 03F2 0000 00"), hex("0036 0000 0003 01 90 03")},
-      {"a write of 124", hex("0037 0000 00FE 01 10 03F2 007C F8") + Bytes(247, 0), hex("0037 0000 0003 01 90 03")},
-      {"a write of what is read only", hex("0038 0000 0006 01 06 03EA 0001"), hex("0038 0000 0003 01 86 02")},
-      {"a write over a gap", hex("0039 0000 000D 01 10 03E8 0003 06 0000 0000 0000"), hex("0039 0000 0003 01 90 02")},
-      {"a wrong value", hex("003A 0000 0006 01 06 03F8 2711"), hex("003A 0000 0003 01 86 03")},
+      {"a write of no registers", hex("0036 0000 0007 01 10 03F2 0000 00"), hex("0036 0000 0003 01 90 03")},
+      {"a write of 124 registers", hex("0037 0000 00FE 01 10 03F2 007C F8") + Bytes(247, 0),
+       hex("0037 0000 0003 01 90 03")},
+      {"a write to a read-only register", hex("0038 0000 0006 01 06 03EA 0001"), hex("0038 0000 0003 01 86 02")},
+      {"a write across a read-only register", hex("0039 0000 000D 01 10 03E8 0003 06 0000 0000 0000"),
+       hex("0039 0000 0003 01 90 02")},
+      {"a value out of range", hex("003A 0000 0006 01 06 03F8 2711"), hex("003A 0000 0003 01 86 03")},
       {"on not above off", hex("003B 0000 0006 01 06 03F2 000A"), hex("003B 0000 0003 01 86 03")},
       {"write and read", hex("003C 0000 000D 01 17 03F2 0001 03F2 0001 02 0032"), hex("003C 0000 0005 01 17 02 0032")},
-      {"write and read what is not there", hex("003D 0000 000D 01 17 0030 0001 03F2 0001 02 0014"),
+      {"write, and read registers that do not exist", hex("003D 0000 000D 01 17 0030 0001 03F2 0001 02 0014"),
        hex("003D 0000 0003 01 97 02")},
-      {"so nothing was written", hex("003E 0000 0006 01 03 03F2 0001"), hex("003E 0000 0005 01 03 02 0032")},
-      {"as it was", hex("003F 0000 0006 01 06 03F2 0014"), hex("003F 0000 0006 01 06 03F2 0014")},
+      {"which wrote nothing", hex("003E 0000 0006 01 03 03F2 0001"), hex("003E 0000 0005 01 03 02 0032")},
+      {"the former value again", hex("003F 0000 0006 01 06 03F2 0014"), hex("003F 0000 0006 01 06 03F2 0014")},
       {"a wrong key locks", hex("0040 0000 0006 01 06 03EC 0001"), hex("0040 0000 0003 01 86 03")},
       {"locked again", hex("0041 0000 0006 01 06 03F2 0014"), hex("0041 0000 0003 01 86 01")},
       {"another encapsulated interface", hex("002B 0000 0005 01 2B 0D 01 00"), hex("002B 0000 0003 01 AB 01")},
@@ -111,7 +113,7 @@ std::pair<Bytes, Bytes> all_exchanges() {
 
 }  // namespace
 
-TEST_CASE("server: every request of the table gets its exact bytes") {
+TEST_CASE("server: every request of the list gets its exact response") {
   Served served;
   Connection client(served.port());
   for (const Exchange& e : exchanges())
@@ -126,7 +128,8 @@ TEST_CASE("server: requests that arrive byte by byte are answered in order") {
   CHECK(client.receive(replies.size()) == replies);
 }
 
-TEST_CASE("server: many requests in one segment are all answered in order, also when the client stops sending") {
+TEST_CASE(
+    "server: many requests in one segment are all answered in order, even after the client has shut its side down") {
   Served served;
   Connection client(served.port());
   const auto [requests, replies] = all_exchanges();
@@ -136,7 +139,7 @@ TEST_CASE("server: many requests in one segment are all answered in order, also 
   CHECK(client.is_closed_by_server());
 }
 
-TEST_CASE("server: reserved unit ids get no answer, and the connection goes on") {
+TEST_CASE("server: reserved unit ids get no answer, and the connection stays open") {
   Served served;
   Connection client(served.port());
   for (int unit = 248; unit < 255; ++unit) {
@@ -147,7 +150,7 @@ TEST_CASE("server: reserved unit ids get no answer, and the connection goes on")
   CHECK(is_answered(client));
 }
 
-TEST_CASE("server: a header that is not Modbus closes that client after the requests before it") {
+TEST_CASE("server: an invalid header closes the connection, after the requests before it have been answered") {
   Served served;
   Connection bystander(served.port());
   for (const char* header : {"0001 0001 0006 01 03 0000 0001",  // protocol id

@@ -32,7 +32,7 @@ ModbusSettings with_clients(int max_clients) {
 
 }  // namespace
 
-TEST_CASE("server: before the first result there is a block, not ready and without values") {
+TEST_CASE("server: before the first result it serves a block that is not ready and has no valid values") {
   ModbusSettings settings;
   settings.port = 0;
   Control control;
@@ -46,7 +46,7 @@ TEST_CASE("server: before the first result there is a block, not ready and witho
   CHECK(word_at(reply, 39) == 0x1234);
 }
 
-TEST_CASE("server: the age is that of the moment of the read") {
+TEST_CASE("server: the age is that at the time of the read") {
   Served served;
   Connection client(served.port());
   RegisterImage image;
@@ -69,7 +69,7 @@ TEST_CASE("server: the age is that of the moment of the read") {
   CHECK(client.ask(request, 13) == hex("0001 0000 0007 01 03 04 0000 4444"));
 }
 
-TEST_CASE("server: a result that nothing replaces is shown as not valid and at fault") {
+TEST_CASE("server: a result that is not replaced in time is no longer valid, and there is fault 8") {
   Served served;
   Connection client(served.port());
   served.control().set_stale_after(300'000'000);
@@ -89,7 +89,7 @@ TEST_CASE("server: a result that nothing replaces is shown as not valid and at f
   CHECK(status(301ms, kCameraFault) == std::pair<std::uint16_t, std::uint16_t>(well | kCameraFault, 0));
 }
 
-TEST_CASE("server: 32 clients are served, one more is closed, and a place that becomes free is used again") {
+TEST_CASE("server: serves 32 clients, closes one more, and uses a place again that becomes free") {
   Served served(with_clients(32));
   std::vector<Connection> clients;
   for (int i = 0; i < 32; ++i) {
@@ -101,14 +101,14 @@ TEST_CASE("server: 32 clients are served, one more is closed, and a place that b
   for (Connection& client : clients) CHECK(is_answered(client));
   clients[17].close();
   bool served_again = false;
-  for (int attempt = 0; attempt < 200 && !served_again; ++attempt) {  // the server sees the close in its own time
+  for (int attempt = 0; attempt < 200 && !served_again; ++attempt) {  // the server may notice the close a little later
     Connection next(served.port());
     served_again = is_answered(next);
   }
   CHECK(served_again);
 }
 
-TEST_CASE("server: clients that say nothing lose their places to newcomers; who asks keeps his") {
+TEST_CASE("server: quiet clients lose their places to newcomers, busy ones do not") {
   Served served(with_clients(4));
   Connection busy(served.port()), quiet(served.port()), mute(served.port()), half(served.port());
   CHECK(is_answered(quiet));
@@ -126,16 +126,16 @@ TEST_CASE("server: clients that say nothing lose their places to newcomers; who 
   CHECK(mute.is_closed_by_server());
   CHECK(half.is_closed_by_server());
   Connection third(served.port());
-  CHECK(third.is_closed_by_server());  // quiet has asked, not long ago
+  CHECK(third.is_closed_by_server());  // `quiet` has sent a request not long ago
 
-  keep_busy(51);  // 10.2 s: all but busy are quiet, and one that has just come does not stand before them
+  keep_busy(51);  // 10.2 s: all but `busy` are quiet, and each newcomer replaces one of them
   std::vector<Connection> burst;
   for (int i = 0; i < 3; ++i) burst.emplace_back(served.port());
   for (Connection& newcomer : burst) CHECK(is_answered(newcomer));
   CHECK(is_answered(busy));
 }
 
-TEST_CASE("server: half frames, floods and unread answers do not keep another client from its answers") {
+TEST_CASE("server: partial frames, floods and unread answers do not keep another client from being served") {
   Served served;
   std::vector<Connection> stalled;
   for (const std::size_t length : {1U, 6U, 7U, 8U, 11U}) {
@@ -169,11 +169,11 @@ TEST_CASE("server: half frames, floods and unread answers do not keep another cl
   stop = true;
   for (std::thread* thread : {&reader, &deaf, &rude, &wrong}) thread->join();
   CHECK(answers == 500);
-  for (Connection& client : stalled) CHECK(client.is_closed_by_server());  // the limit for a whole frame
+  for (Connection& client : stalled) CHECK(client.is_closed_by_server());  // by the time limit of a frame
   CHECK(is_answered(good));
 }
 
-TEST_CASE("server: a client that never reads its answers is dropped") {
+TEST_CASE("server: a client that never reads its answers is closed") {
   Served served;
   Connection deaf(served.port(), 4096);
   Bytes requests;
@@ -198,14 +198,14 @@ TEST_CASE("server: a silent client is closed after the idle limit, a busy one is
   CHECK(silent.is_closed_by_server());
 }
 
-TEST_CASE("server: clients that vanish before their answers do not kill the process") {
+TEST_CASE("server: clients that reset their connections before their answers do not kill the process") {
   Served served;
   const Bytes illegal = hex("0001 0000 0002 01 07");
   for (int i = 0; i < 200; ++i) {
     Connection client(served.port());
     client.send(i % 2 ? kReadOne + illegal : illegal + kReadOne);
-    ::shutdown(client.fd(), SHUT_WR);  // a reset after this is what raises SIGPIPE
-    client.vanish();
+    ::shutdown(client.fd(), SHUT_WR);  // a reset after this raises SIGPIPE
+    client.reset();
   }
   bool answered = false;
   for (int attempt = 0; attempt < 200 && !answered; ++attempt) {
@@ -215,7 +215,7 @@ TEST_CASE("server: clients that vanish before their answers do not kill the proc
   CHECK(answered);
 }
 
-TEST_CASE("server: when descriptors run out, clients wait and are served as soon as there are some") {
+TEST_CASE("server: when descriptors run out, new clients wait and are served once there are some again") {
   Served served;
   Connection other(served.port());
   REQUIRE(is_answered(other));
@@ -226,7 +226,7 @@ TEST_CASE("server: when descriptors run out, clients wait and are served as soon
   std::vector<int> fillers;
   for (int fd = ::dup(0); fd >= 0; fd = ::dup(0)) fillers.push_back(fd);
   ::close(fillers.back());
-  Connection waiting(served.port());  // takes the last one; the kernel connects it before the server accepts
+  Connection waiting(served.port());  // takes the last descriptor; the kernel connects it before the server accepts
   const bool other_answered = is_answered(other);
   const bool sent = waiting.send(kReadOne);
   const std::clock_t cpu_before = std::clock();
@@ -237,12 +237,12 @@ TEST_CASE("server: when descriptors run out, clients wait and are served as soon
   ::setrlimit(RLIMIT_NOFILE, &before);
   CHECK(other_answered);
   CHECK(still_answered);
-  CHECK(cpu_used < CLOCKS_PER_SEC / 100);  // it waits for descriptors and does not spin
+  CHECK(cpu_used < CLOCKS_PER_SEC / 100);  // the server waits and does not spin
   CHECK(sent);
   CHECK(waiting.receive(kReadOneReply.size()) == kReadOneReply);
 }
 
-TEST_CASE("server: a read of the block is one snapshot while the publisher never pauses") {
+TEST_CASE("server: a read is one snapshot even while results are published without pause") {
   Served served;
   RegisterImage image;
   (*served).publish(image);
@@ -269,7 +269,7 @@ TEST_CASE("server: a read of the block is one snapshot while the publisher never
   publisher.join();
   CHECK(torn == 0);
   CHECK(changes >= 20);
-  CHECK(word_at(client.ask(request, 9 + 88), 0) == 0xABCD);  // the last one published is the one that stays
+  CHECK(word_at(client.ask(request, 9 + 88), 0) == 0xABCD);  // the last block published is the one served
 }
 
 TEST_CASE("server: a port in use is refused, naming address and port") {
@@ -289,7 +289,7 @@ TEST_CASE("server: a port in use is refused, naming address and port") {
   }
 }
 
-TEST_CASE("server: an address that is not IPv4 or not of this machine is refused by name") {
+TEST_CASE("server: an address that is not IPv4 or not of this machine is refused, naming it") {
   ModbusSettings settings;
   settings.port = 0;
   Control control;
@@ -300,7 +300,7 @@ TEST_CASE("server: an address that is not IPv4 or not of this machine is refused
   }
 }
 
-TEST_CASE("server: a restart takes its port over at once, although old connections linger") {
+TEST_CASE("server: a restarted server gets its port at once although old connections linger") {
   ModbusSettings settings;
   settings.port = 0;
   Control control;
@@ -333,7 +333,7 @@ TEST_CASE("server: while a command runs, other writes are busy") {
   ask("0008 0000 0006 01 06 03F8 0064", "0008 0000 0006 01 06 03F8 0064");
 }
 
-TEST_CASE("server: a unit of its own is answered, with 0 and 255, and no other") {
+TEST_CASE("server: with a unit id of its own, it answers that one, 0 and 255 only") {
   ModbusSettings settings;
   settings.unit = 17;
   Served served(settings);
@@ -350,7 +350,7 @@ TEST_CASE("server: a unit of its own is answered, with 0 and 255, and no other")
   CHECK(client.ask(kReadOne, 0).empty());
 }
 
-TEST_CASE("server: clients that are not on the list are closed, and those that may only read cannot unlock") {
+TEST_CASE("server: closes clients that are not on the list, and does not unlock those that may only read") {
   ModbusSettings settings;
   settings.allow = {*Network::parse("10.0.0.0/8"), *Network::parse("127.0.0.2")};
   Served closed(settings);
@@ -364,7 +364,7 @@ TEST_CASE("server: clients that are not on the list are closed, and those that m
   CHECK(reader.ask(hex("0001 0000 0006 01 06 03EC 4653"), 9) == hex("0001 0000 0003 01 86 01"));
 }
 
-TEST_CASE("server: the key counts for all connections of its client, and for no other client") {
+TEST_CASE("server: the key unlocks all connections of its client, and no other client") {
   ModbusSettings settings;
   settings.address = "0.0.0.0";
   Served served(settings);
@@ -377,7 +377,7 @@ TEST_CASE("server: the key counts for all connections of its client, and for no 
   CHECK(stranger.ask(hex("0001 0000 0006 01 03 03EC 0001"), 11) == hex("0001 0000 0005 01 03 02 0000"));
 }
 
-TEST_CASE("server: libmodbus as a client reads the block and understands the refusals") {
+TEST_CASE("server: libmodbus as a client reads the block and understands the exceptions") {
   Served served;
   const std::unique_ptr<modbus_t, decltype(&modbus_free)> client(modbus_new_tcp("127.0.0.1", served.port()),
                                                                  &modbus_free);

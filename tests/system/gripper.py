@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Gripper in the loop: 100 random runs of each controller, and plots of the first ones.
+"""A gripper in the loop: 100 random runs of each controller, and plots of some of them.
 
 usage: gripper.py BINARY_DIR SOURCE_DIR [--runs N] [--seed N]
 Plots go to BINARY_DIR/gripper. exit code 1: fewer than 95 of 100 runs succeeded
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 ARGUMENTS = sys.argv[3:]
-sys.argv = sys.argv[:3]  # end_to_end takes the first two
+sys.argv = sys.argv[:3]  # end_to_end takes these two
 from end_to_end import BINARIES, PACK, SOURCE, SPEC, WORK, prepare  # noqa: E402
 
 FOLDER = Path(__file__).resolve().parent / "gripper"
@@ -29,11 +29,11 @@ set y2tics
 plot "{name}.dat" u 1:6 w l lw 2 t "true force", "" u 1:7 axes x1y2 w l t "level read"
 unset multiplot
 """
-TITLES = {"regrasp": "Regrasp towards the middle of the face: x 0, y 60 mm"}
+TITLES = {"regrasp": "Regrasp towards the centre of the face: x 0, y 60 mm"}
 
 
 def states():
-    """The finger of the simulation: finite-element states of other points and forces than the network learnt from."""
+    """The simulated finger: finite-element states at other points and forces than those the network was trained on."""
     file = WORK / "gripper-states.safetensors"
     if not file.exists() or file.stat().st_mtime < PACK.stat().st_mtime:
         file.unlink(missing_ok=True)
@@ -49,7 +49,7 @@ def main():
     code = subprocess.run([BINARIES / "tests" / "gripper_loop", PACK, SPEC, states(), FOLDER / "objects.csv",
                            "--plots", plots, *ARGUMENTS]).returncode
     for data in sorted(plots.glob("*.dat")):
-        title = TITLES.get(data.stem, f"Gentle grasp: {data.stem.removeprefix('gentle-')}, creeping under the grip")
+        title = TITLES.get(data.stem, f"Gentle grasp: {data.stem.removeprefix('gentle-')}, which creeps under the grip")
         script = PLOT.format(name=data.stem, title=title)
         subprocess.run(["gnuplot"], input=script, text=True, cwd=plots, check=True)
     print(f"plots: {plots}/*.svg")

@@ -1,15 +1,15 @@
-// Two gripper controllers, written as a PLC programmer would write them in Structured Text: inputs that were read over
-// Modbus, outputs that go to position drives, and a CASE over a step number, called once per PLC cycle. They know
-// nothing of the finger or the object.
+// Two gripper controllers, written as a PLC programmer would write them in Structured Text: inputs read over Modbus,
+// outputs to position drives, and a CASE over a step number, called once per PLC cycle. They know nothing of the finger
+// or the object.
 #pragma once
 
 #include <cmath>
 
 namespace gripper {
 
-/// What FB_Finsight (hostgen/plc/Finsight.st) gives, and the drives.
+/// Outputs of FB_Finsight (hostgen/plc/Finsight.st) under their names there, and of the drives.
 struct Inputs {
-  bool alive = false;        ///< the heartbeat moves
+  bool alive = false;        ///< the heartbeat changes
   bool any_fault = false;    ///< status bit 15
   bool touch_valid = false;  ///< status bit 1
   bool gentle = false;       ///< register 44, bit 1: the level has reached setting 1012
@@ -26,14 +26,14 @@ struct Outputs {
   bool done = false, error = false;
 };
 
-/// Closes, reads where the object touches the finger, opens, moves there, and closes again, until the touch is in the
-/// middle of the face or five moves were not enough.
+/// Closes, reads where the object touches the finger, opens, moves there and closes again, until the touch is near the
+/// centre of the face; gives up after five moves.
 class Regrasp {
  public:
   static constexpr float kCentre_x_mm = 0, kCentre_y_mm = 60;
-  static constexpr float kNear_mm = 2;            // of 5 mm wanted: the reading has an error of 2 to 3 mm
-  static constexpr float kClosing_mm = 0.1F;      // per cycle
-  static constexpr float kFirmly_permille = 250;  // the touch is known better the more the finger is bent
+  static constexpr float kNear_mm = 2;          // 5 mm are required; the reading has an error of 2 to 3 mm
+  static constexpr float kClosing_mm = 0.1F;    // per cycle
+  static constexpr float kFirm_permille = 250;  // the touch is located better the more the finger is bent
   static constexpr float kClosest_mm = 2;
   static constexpr int kReadings = 12;
   static constexpr int kMaxMoves = 5;
@@ -46,10 +46,10 @@ class Regrasp {
     switch (step_) {
       case 0:  // close until the touch is firm
         out.opening_mm -= kClosing_mm;
-        if (in.touch_valid && (in.level_permille >= kFirmly_permille || in.overload)) go_to(1);
-        if (out.opening_mm < kClosest_mm) fail();  // nothing there
+        if (in.touch_valid && (in.level_permille >= kFirm_permille || in.overload)) go_to(1);
+        if (out.opening_mm < kClosest_mm) fail();  // no object
         break;
-      case 1:  // stand still and take the mean of some readings
+      case 1:  // stand still and average some readings
         if (++count_ > 6 && in.touch_valid) {
           sum_x_ += in.touch_x_mm;
           sum_y_ += in.touch_y_mm;
@@ -90,7 +90,7 @@ class Regrasp {
   }
 
  private:
-  void fail() {  // and stay there
+  void fail() {
     out.error = true;
     go_to(9);
   }
@@ -106,13 +106,13 @@ class Regrasp {
   float sum_x_ = 0, sum_y_ = 0, move_x_ = 0, move_y_ = 0;
 };
 
-/// Closes until the device says that the thing is held (the recipe's level is setting 1012, gentle_on), and keeps it
-/// held while it gives way: closes again below gentle_off, and opens where the level goes beyond what the recipe
-/// allows.
+/// Closes until the device reports that the object is gripped (setting 1012, gentle_on, is the recipe's level) and
+/// keeps its grip while the object yields: closes again below gentle_off, and opens a little if the level exceeds the
+/// recipe's.
 class GentleGrasp {
  public:
   static constexpr float kFast_mm = 0.12F, kSlow_mm = 0.015F;  // per cycle
-  static constexpr float kNearlyThere = 0.7F;                  // of the recipe's level: from here on slowly
+  static constexpr float kNearlyThere = 0.7F;                  // share of the recipe's level from which to close slowly
   static constexpr float kClosest_mm = 2;
 
   Outputs out;
@@ -124,7 +124,7 @@ class GentleGrasp {
       case 0:  // close
         out.opening_mm -= in.level_permille < kNearlyThere * level_ ? kFast_mm : kSlow_mm;
         if (in.gentle) step_ = 1;
-        if (out.opening_mm < kClosest_mm) {  // nothing there
+        if (out.opening_mm < kClosest_mm) {  // no object
           out.error = true;
           step_ = 9;
         }

@@ -1,5 +1,5 @@
-// Gripper in the loop: finger, object and drives are simulated; finsightd's own frame loop and Modbus server stand
-// between them and the controllers, which see registers and command positions, nothing else.
+// Gripper in the loop: finger, object and drives are simulated; between them and the controllers are finsightd's own
+// frame loop and Modbus server. The controllers see nothing but registers and command nothing but positions.
 //
 // usage: gripper_loop PACK SPEC.toml STATES.safetensors OBJECTS.csv [--runs N] [--seed N] [--plots FOLDER]
 // exit code: 0 if at least 95 of 100 runs of each controller succeed, 1 if not, 2 for wrong usage
@@ -26,19 +26,18 @@ namespace {
 using Noise = std::array<PoseNoise, kPlates>;
 
 constexpr double kCycle_s = 1.0 / 60;
-constexpr std::uint16_t kGentleOnRegister = 1012;
 
-/// The device: poses in, registers out, over a real TCP connection of libmodbus's client.
+/// The device: plate poses in, registers out through a real TCP connection, by libmodbus as the client.
 class Device {
  public:
-  /// `noise` is that of a camera's plate motions, as the finger's spec states it.
+  /// `noise` is that of plate motions measured by a camera, as the finger's spec states it.
   Device(const Model& model, const Noise& noise)
       : noise_(noise),
         loop_(model, std::nullopt, {.shape = {.tier = ShapeSettings::Tier::kMap}, .runtime = {}}),
         commands_(control_, loop_, nullptr, nullptr, {}),
         server_({.port = 0}, control_),
         client_(modbus_new_tcp("127.0.0.1", server_.port()), &modbus_free) {
-    if (modbus_connect(client_.get()) != 0) throw std::runtime_error("cannot connect to the own server");
+    if (modbus_connect(client_.get()) != 0) throw std::runtime_error("cannot connect to the server");
   }
 
   void frame(PoseVector numbers, Random& random) {
@@ -54,10 +53,10 @@ class Device {
     const auto length = [](std::uint16_t word) { return static_cast<float>(static_cast<std::int16_t>(word)) / 100; };
     Inputs in;
     in.alive = w[2] != std::exchange(heartbeat_, w[2]);
-    in.any_fault = w[0] & 1 << 15;
-    in.touch_valid = w[0] & 1 << 1;
-    in.gentle = w[44] & 1 << 1;
-    in.overload = w[0] & 1 << 14;
+    in.any_fault = w[0] & kAnyFault;
+    in.touch_valid = w[0] & kTouchValid;
+    in.gentle = w[44] & bit_named("limits", "gentle");
+    in.overload = w[0] & kOverload;
     in.level_valid = w[11] != 65535;
     in.level_permille = w[11];
     in.touch_x_mm = length(w[5]);
@@ -66,11 +65,11 @@ class Device {
     return in;
   }
 
-  /// The recipe: on and off together, after the key.
+  /// Writes the recipe: both thresholds in one request, after the key.
   void set_gentle(int on, int off) {
     const std::uint16_t pair[] = {static_cast<std::uint16_t>(on), static_cast<std::uint16_t>(off)};
     if (modbus_write_register(client_.get(), kKeyRegister, kDefaultWriteKey) != 1 ||
-        modbus_write_registers(client_.get(), kGentleOnRegister, 2, pair) != 2) {
+        modbus_write_registers(client_.get(), address_of("gentle_on"), 2, pair) != 2) {
       throw std::runtime_error("the settings were refused");
     }
   }
@@ -105,15 +104,15 @@ class Trace {
   std::ofstream out_;
 };
 
-/// Cycles of PLC, drives, world and device until the controller ends or the time is over.
+/// Runs cycles of drives, world, device and PLC until the controller has ended or the time is over.
 template <class Controller, class Until>
 void play(Controller& plc, World& world, Device& device, Random& random, Trace& trace, double seconds, Until ended) {
   Drive jaws(plc.out.opening_mm, 20), arm_x(0, 100), arm_y(0, 100);
   for (double time_s = 0; time_s < seconds && !ended(time_s); time_s += kCycle_s) {
-    jaws.turn(plc.out.opening_mm, kCycle_s);
-    arm_x.turn(plc.out.arm_x_mm, kCycle_s);
-    arm_y.turn(plc.out.arm_y_mm, kCycle_s);
-    world.turn(jaws.at_mm(), arm_x.at_mm(), arm_y.at_mm(), kCycle_s);
+    jaws.advance(plc.out.opening_mm, kCycle_s);
+    arm_x.advance(plc.out.arm_x_mm, kCycle_s);
+    arm_y.advance(plc.out.arm_y_mm, kCycle_s);
+    world.advance(jaws.at_mm(), arm_x.at_mm(), arm_y.at_mm(), kCycle_s);
     device.frame(world.plates, random);
     Inputs in = device.read();
     in.in_position = jaws.reached() && arm_x.reached() && arm_y.reached();
@@ -155,7 +154,7 @@ int regrasp_runs(const StateInterpolant& finger, const Model& model, const Noise
   return good;
 }
 
-/// An object and the deformation level that holds and does not crush it: found by closing on one sample of it.
+/// An object, and the deformation level that holds it without crushing it, found by closing on one sample of it.
 struct Recipe {
   Object object;
   int level_permille = 0;
@@ -177,7 +176,7 @@ std::vector<Recipe> read_recipes(const std::string& csv) {
     }
     recipes.push_back(r);
   }
-  if (recipes.empty()) throw std::runtime_error(csv + ": no object in it");
+  if (recipes.empty()) throw std::runtime_error(csv + ": no objects");
   return recipes;
 }
 

@@ -1,4 +1,4 @@
-// What the controllers do not see: the finger by its finite-element states, an object between the jaws, and drives.
+// What the controllers do not see: the finger as finite-element states, an object between the jaws, and drives.
 #pragma once
 
 #include <algorithm>
@@ -10,22 +10,22 @@
 
 namespace gripper {
 
-/// A thing to grasp. It gives way like a spring, and slowly more (creep).
+/// An object to grasp: a spring that creeps.
 struct Object {
   std::string name;
   double size_mm = 40;
   double stiffness_n_per_mm = 5;
-  double holds_from_n = 0;  ///< below, it slips out
+  double holds_from_n = 0;  ///< below this force it slips out
   double breaks_at_n = 1e9;
-  double creep = 0;  ///< share of its compliance that is added with a time constant of kCreep_s
+  double creep = 0;  ///< share of its compliance that creep adds, with a time constant of kCreep_s
 };
 constexpr double kCreep_s = 5;
 
-/// A drive that goes to its target at a limited speed.
+/// A drive that moves to its target at a limited speed.
 class Drive {
  public:
   Drive(double start_mm, double speed_mm_per_s) : at_(start_mm), speed_(speed_mm_per_s) {}
-  void turn(double target_mm, double seconds) {
+  void advance(double target_mm, double seconds) {
     at_ += std::clamp(target_mm - at_, -speed_ * seconds, speed_ * seconds);
     reached_ = std::abs(target_mm - at_) < 1e-3;
   }
@@ -43,8 +43,8 @@ class World {
   World(const finsight::host::StateInterpolant& finger, const Object& object, double x_mm, double y_mm)
       : finger_(finger), object_(object), x_(x_mm), y_(y_mm) {}
 
-  /// Squeezes with the jaws `opening_mm` apart and the gripper moved by (arm_x, arm_y).
-  void turn(double opening_mm, double arm_x_mm, double arm_y_mm, double seconds) {
+  /// Advances time with the jaws `opening_mm` apart and the gripper moved by (arm_x, arm_y).
+  void advance(double opening_mm, double arm_x_mm, double arm_y_mm, double seconds) {
     touch_x_mm = x_ - arm_x_mm;
     touch_y_mm = y_ - arm_y_mm;
     squeeze(object_.size_mm - opening_mm);
@@ -60,11 +60,11 @@ class World {
 
   double touch_x_mm = 0, touch_y_mm = 0;
   double force_n = 0, largest_n = 0;
-  double slipped_n = 0;  ///< how far the force fell short after it had been enough
+  double slipped_n = 0;  ///< how far the force fell below holds_from_n after it had reached it
   finsight::PoseVector plates = finsight::PoseVector::Zero();
 
  private:
-  /// The force at which finger and object together give way by as much as the jaws are too close; by bisection.
+  /// Finds by bisection the force at which finger and object together yield by `depth_mm`.
   void squeeze(double depth_mm) {
     plates.setZero();
     force_n = 0;
@@ -74,8 +74,8 @@ class World {
     for (int i = 0; i < 30; ++i) {
       const double middle = (low + high) / 2;
       const auto sample = finger_.at(touch_x_mm, touch_y_mm, middle);
-      const double given = static_cast<double>(sample.displacement_mm.z()) + middle * compliance;
-      (given < depth_mm ? low : high) = middle;
+      const double yield_mm = static_cast<double>(sample.displacement_mm.z()) + middle * compliance;
+      (yield_mm < depth_mm ? low : high) = middle;
     }
     force_n = low;
     plates = finger_.at(touch_x_mm, touch_y_mm, force_n).numbers;
