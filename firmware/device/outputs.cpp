@@ -1,6 +1,23 @@
 #include "firmware/device/outputs.h"
 
+#include <atomic>
+#include <csignal>
+
 namespace finsight {
+
+namespace {
+
+// For the signal handler: set after the levels, cleared before the chip is closed.
+OutputLevels safe_on_crash;
+std::atomic<Gpio*> gpio_on_crash{nullptr};
+
+void on_crash(int signal) {
+  if (Gpio* gpio = gpio_on_crash) gpio->set(safe_on_crash);
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
+}  // namespace
 
 OutputLevels output_levels(std::uint16_t status, bool light, const OutputLevels& safe) {
   OutputLevels levels = safe;
@@ -30,6 +47,25 @@ const OutputLevels& OutputFilter::next(std::uint16_t status, const RuntimeSettin
     }
   }
   return shown_;
+}
+
+DigitalOutputs::DigitalOutputs(const std::optional<GpioSettings>& settings)
+    : DigitalOutputs(settings ? open_gpio(*settings) : nullptr, settings ? safe_levels(*settings) : OutputLevels{}) {}
+
+DigitalOutputs::DigitalOutputs(std::unique_ptr<Gpio> gpio, const OutputLevels& safe)
+    : filter_(safe), gpio_(std::move(gpio)) {
+  if (!gpio_) return;
+  safe_on_crash = safe;
+  gpio_on_crash = gpio_.get();
+  for (const int fault : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL}) std::signal(fault, on_crash);
+}
+
+DigitalOutputs::~DigitalOutputs() {
+  if (gpio_) gpio_on_crash = nullptr;
+}
+
+bool DigitalOutputs::set(const RegisterImage& image, const RuntimeSettings& settings) {
+  return !gpio_ || gpio_->set(filter_.next(image.words[0], settings, steady_now_ns()));
 }
 
 }  // namespace finsight

@@ -1,8 +1,10 @@
-// What the digital outputs say, from the status word that clients read.
+// The digital outputs: what they say follows the status word that clients read.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <utility>
 
 #include "firmware/modbus/registers.h"
@@ -10,11 +12,11 @@
 
 namespace finsight {
 
-/// `status` is register 0. With any fault the safe levels; else contact and overload follow their bits, and healthy
-/// means ready. The light is as it is set either way: without it no fault of seeing would end.
+/// `status` is register 0. With any fault the safe levels; otherwise contact and overload follow their bits, and
+/// healthy means ready. The light always follows its setting: without it a fault of seeing could never end.
 OutputLevels output_levels(std::uint16_t status, bool light, const OutputLevels& safe);
 
-/// The same over time: a level that changes is set once it has lasted for the de-bounce time. Safe levels never wait.
+/// The same over time: a level changes once the new one has lasted for the debounce time. Safe levels never wait.
 class OutputFilter {
  public:
   explicit OutputFilter(const OutputLevels& safe) : safe_(safe), shown_(safe) {}
@@ -22,7 +24,7 @@ class OutputFilter {
 
  private:
   OutputLevels safe_, shown_;
-  std::array<std::int64_t, kOutputs> changing_since_ns_{};  ///< 0: is what is wanted
+  std::array<std::int64_t, kOutputs> changing_since_ns_{};  ///< 0: shows what is wanted
 };
 
 /// Rising edges of the trigger input.
@@ -35,6 +37,27 @@ class TriggerInput {
 
  private:
   bool level_ = true;  ///< a line that is active at the start does not rise
+};
+
+/// The lines of a board, if it has any: at their safe levels until the first block, with faults, at the end of the
+/// program, and when it crashes. At most one object at a time.
+class DigitalOutputs {
+ public:
+  /// Throws InputError like open_gpio().
+  explicit DigitalOutputs(const std::optional<GpioSettings>& settings);
+  DigitalOutputs(std::unique_ptr<Gpio> gpio, const OutputLevels& safe);
+  ~DigitalOutputs();
+  DigitalOutputs(const DigitalOutputs&) = delete;
+  DigitalOutputs& operator=(const DigitalOutputs&) = delete;
+
+  /// False: the chip refused.
+  bool set(const RegisterImage& image, const RuntimeSettings& settings);
+  bool trigger_rises() { return gpio_ && trigger_.rises(gpio_->trigger()); }
+
+ private:
+  OutputFilter filter_;
+  TriggerInput trigger_;
+  std::unique_ptr<Gpio> gpio_;
 };
 
 }  // namespace finsight

@@ -1,21 +1,20 @@
 #include "firmware/device/saved_state.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
-#include <cerrno>
 #include <cstdio>
-#include <system_error>
 #include <utility>
 
+#include "firmware/device/log.h"
 #include "firmware/input_error.h"
+#include "firmware/model/model.h"
+#include "firmware/settings/atomic_file.h"
 #include "firmware/settings/toml_table.h"
 
 namespace finsight {
 
 namespace {
 
-constexpr int kVersion = 1;  // of the file; another one when settings are added
+// Of the file; a new one when its keys change. Version 1 did not say what the zero was measured with.
+constexpr int kVersion = 2, kVersionWithoutBasis = 1;
 
 void add_numbers(std::string& text, const PlateMotion& motion) {
   for (int i = 0; i < 6; ++i) {
@@ -26,9 +25,9 @@ void add_numbers(std::string& text, const PlateMotion& motion) {
   }
 }
 
-std::string text_of(const SavedState& state) {
+std::string text_of(const SavedState& state, const ZeroBasis& basis) {
   std::string text =
-      "# Written by finsightd when a client saves; deleting it brings the factory settings back.\nversion = " +
+      "# Written by finsightd when a client saves; without this file the factory settings are used.\nversion = " +
       std::to_string(kVersion) + "\n[settings]\n";
   for (int i = 0; i < kSettingCount; ++i) {
     text += std::string(setting_row(i).name) + " = " +
@@ -41,81 +40,94 @@ std::string text_of(const SavedState& state) {
     add_numbers(text, (*state.zero)[p]);
     text += "]  # mm, rad\n";
   }
-  return text;
+  text += "model = \"" + checksum_text(basis.model_checksum) + "\"  # that it was measured with, and the mount\n";
+  return text + measured_mount_toml(basis.mount, "zero.mount.");
 }
 
-std::optional<ZeroPose> read_zero(TomlTable table) {
-  ZeroPose zero;
+RuntimeSettings read_settings_table(TomlTable table) {
+  RuntimeSettings settings;
+  for (int i = 0; i < kSettingCount; ++i) {
+    const RegisterRow& row = setting_row(i);
+    settings.words[static_cast<std::size_t>(i)] =
+        static_cast<std::uint16_t>(table.integer(row.name, row.lowest, row.highest));
+  }
+  if (!are_valid(settings)) throw InputError(table.where(), "a threshold's \"on\" is not above its \"off\"");
+  table.finish();
+  return settings;
+}
+
+struct StoredZero {
+  ZeroPose pose;
+  std::string model;    ///< checksum_text(); empty in a file of version 1
+  MeasuredMount mount;  ///< only with a model
+};
+
+std::optional<StoredZero> read_zero(TomlTable table, bool has_basis) {
+  StoredZero zero;
   const bool is_set = table.flag("set");
   if (is_set) {
     for (std::size_t p = 0; p < kPlates; ++p) {
       const auto numbers = table.numbers(kPlateNames[p], 6, -10, 10);
       for (int i = 0; i < 6; ++i) {
-        Vec3f& part = i < 3 ? zero[p].displacement_mm : zero[p].rotation_rad;
+        Vec3f& part = i < 3 ? zero.pose[p].displacement_mm : zero.pose[p].rotation_rad;
         part[i % 3] = static_cast<float>(numbers[static_cast<std::size_t>(i)]);
       }
     }
+  }
+  if (is_set && has_basis) {
+    zero.model = table.text("model");
+    zero.mount = read_measured_mount(table.table("mount"));
   }
   table.finish();
   return is_set ? std::optional(zero) : std::nullopt;
 }
 
-/// Closes at the end of its block.
-struct File {
-  File(const std::string& name, int flags) : fd(::open(name.c_str(), flags | O_CLOEXEC, 0640)) {}
-  ~File() {
-    if (fd >= 0) ::close(fd);
+/// Why the zero cannot be used; empty if it can.
+std::string mismatch(const StoredZero& zero, const ZeroBasis& basis) {
+  if (zero.model.empty()) return "does not say with which model and mount it was measured";
+  if (zero.model != checksum_text(basis.model_checksum)) {
+    return "was measured with model " + zero.model + ", expected " + checksum_text(basis.model_checksum);
   }
-  File(const File&) = delete;
-  File& operator=(const File&) = delete;
-  int fd;
-};
+  if (!is_same_mount(zero.mount, basis.mount)) return "was measured with another mount of camera and markers";
+  return "";
+}
 
 }  // namespace
 
-std::optional<SavedState> load_state(const std::filesystem::path& file) {
+std::optional<LoadedState> load_state(const std::filesystem::path& file, const ZeroBasis* basis) {
   if (!std::filesystem::exists(file)) return std::nullopt;
   TomlTable root = TomlTable::parse_file(file);
-  root.integer("version", kVersion, kVersion);
-  SavedState state;
-  TomlTable table = root.table("settings");
-  for (int i = 0; i < kSettingCount; ++i) {
-    const RegisterRow& row = setting_row(i);
-    state.settings.words[static_cast<std::size_t>(i)] =
-        static_cast<std::uint16_t>(table.integer(row.name, row.lowest, row.highest));
-  }
-  if (!are_valid(state.settings)) throw InputError(table.where(), "a threshold's \"on\" is not above its \"off\"");
-  table.finish();
-  state.zero = read_zero(root.table("zero"));
+  const auto version = root.integer("version", kVersionWithoutBasis, kVersion);
+  LoadedState loaded{{read_settings_table(root.table("settings")), std::nullopt}, ""};
+  const auto zero = read_zero(root.table("zero"), version != kVersionWithoutBasis);
   root.finish();
-  return state;
-}
-
-void save_state(const std::filesystem::path& file, const SavedState& state) {
-  const auto require = [&file](bool done) {
-    if (!done) throw std::system_error(errno, std::generic_category(), file.string() + ": cannot be saved");
-  };
-  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
-  std::filesystem::create_directories(folder);
-  const std::string text = text_of(state), beside = file.string() + ".new";
-  {
-    const File written(beside, O_WRONLY | O_CREAT | O_TRUNC);
-    require(written.fd >= 0);
-    std::size_t done = 0;
-    while (done < text.size()) {
-      const ssize_t count = ::write(written.fd, text.data() + done, text.size() - done);
-      require(count > 0 || (count < 0 && errno == EINTR));
-      if (count > 0) done += static_cast<std::size_t>(count);
-    }
-    require(::fsync(written.fd) == 0);
+  if (!zero || !basis) return loaded;
+  const std::string reason = mismatch(*zero, *basis);
+  if (reason.empty()) {
+    loaded.state.zero = zero->pose;
+  } else {
+    loaded.problem = file.string() + ": the saved zero is not used: it " + reason + "; zero the finger and save again";
   }
-  require(::rename(beside.c_str(), file.c_str()) == 0);
-  // The new name itself is on the disk once the folder is.
-  const File entry(folder.string(), O_RDONLY | O_DIRECTORY);
-  require(entry.fd >= 0 && ::fsync(entry.fd) == 0);
+  return loaded;
 }
 
-StateSaver::StateSaver(std::filesystem::path file) : file_(std::move(file)), thread_([this] { run(); }) {}
+LoadedState load_state_or_factory(const std::filesystem::path& file, const ZeroBasis* basis,
+                                  const RuntimeSettings& factory) {
+  const LoadedState unsaved{{factory, std::nullopt}, ""};
+  if (file.empty()) return unsaved;
+  try {
+    return load_state(file, basis).value_or(unsaved);
+  } catch (const InputError& error) {
+    return {unsaved.state, std::string(error.what()) + "; the factory settings are used"};
+  }
+}
+
+void save_state(const std::filesystem::path& file, const SavedState& state, const ZeroBasis& basis) {
+  write_file_atomically(file, text_of(state, basis));
+}
+
+StateSaver::StateSaver(std::filesystem::path file, ZeroBasis basis)
+    : file_(std::move(file)), basis_(std::move(basis)), thread_([this] { run(); }) {}
 
 StateSaver::~StateSaver() {
   stopping_ = true;
@@ -141,10 +153,10 @@ void StateSaver::run() {
     work_.acquire();
     if (progress_ == Progress::kSaving) {
       try {
-        save_state(file_, state_);
+        save_state(file_, state_, basis_);
         progress_ = Progress::kSaved;
       } catch (const std::exception& error) {
-        std::fprintf(stderr, "finsightd: %s\n", error.what());
+        log_message(error.what());
         progress_ = Progress::kFailed;
       }
     }

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "firmware/settings/atomic_file.h"
 #include "firmware/settings/toml_table.h"
 #include "firmware/types.h"
 
@@ -78,20 +79,16 @@ class Y4mReader {
   double frames_per_second_ = 0;
 };
 
-/// Writes frames.y4m; the file appears under its name only when finish() was called. Throws std::system_error.
+/// Writes frames.y4m; the file has its name only once finish() has put it on the disk, see AtomicFile. Throws
+/// std::system_error.
 class Y4mWriter {
  public:
   Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, double frames_per_second);
-  ~Y4mWriter();  ///< removes an unfinished file
-  Y4mWriter(const Y4mWriter&) = delete;
-  Y4mWriter& operator=(const Y4mWriter&) = delete;
   void write(const std::uint8_t* grey);  ///< width * height bytes
   void finish();
 
  private:
-  void write_bytes(const void* bytes, std::size_t count);
-  std::FILE* file_ = nullptr;
-  std::filesystem::path target_, temporary_;
+  AtomicFile file_;
   std::size_t frame_bytes_ = 0;
 };
 

@@ -1,12 +1,10 @@
 // YUV4MPEG2: one text line for the stream, then per frame one text line and the raw pixels.
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <system_error>
 
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
@@ -184,43 +182,20 @@ void Y4mReader::rewind() {
 }
 
 Y4mWriter::Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, double frames_per_second)
-    : target_(file),
-      temporary_(file.string() + ".part" + std::to_string(getpid())),
-      frame_bytes_(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px)) {
-  file_ = std::fopen(temporary_.c_str(), "wbe");
-  if (!file_) throw std::system_error(errno, std::generic_category(), temporary_.string() + ": cannot create");
+    : file_(file), frame_bytes_(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px)) {
   // A ratio of whole numbers, to a millionth.
   const int under = frames_per_second == std::floor(frames_per_second) ? 1 : 1'000'000;
-  std::fprintf(file_, "%s W%d H%d F%.0f:%d Ip A1:1 Cmono\n", kSignature.data(), width_px, height_px,
-               frames_per_second * under, under);
-}
-
-Y4mWriter::~Y4mWriter() {
-  if (!file_) return;
-  std::fclose(file_);
-  unlink(temporary_.c_str());
-}
-
-void Y4mWriter::write_bytes(const void* bytes, std::size_t count) {
-  if (std::fwrite(bytes, 1, count, file_) != count) {
-    throw std::system_error(errno, std::generic_category(), target_.string() + ": cannot write");
-  }
+  char header[128];
+  std::snprintf(header, sizeof header, "%s W%d H%d F%.0f:%d Ip A1:1 Cmono\n", kSignature.data(), width_px, height_px,
+                frames_per_second * under, under);
+  file_.write(header);
 }
 
 void Y4mWriter::write(const std::uint8_t* grey) {
-  write_bytes("FRAME\n", 6);
-  write_bytes(grey, frame_bytes_);
+  file_.write("FRAME\n");
+  file_.write({reinterpret_cast<const char*>(grey), frame_bytes_});
 }
 
-void Y4mWriter::finish() {
-  const auto fail = [&] {
-    throw std::system_error(errno, std::generic_category(), target_.string() + ": cannot finish");
-  };
-  // The name must never stand for a file whose pixels a power cut can still take away.
-  if (std::fflush(file_) != 0 || fsync(fileno(file_)) != 0) fail();
-  if (rename(temporary_.c_str(), target_.c_str()) != 0) fail();
-  std::fclose(file_);
-  file_ = nullptr;
-}
+void Y4mWriter::finish() { file_.commit(); }
 
 }  // namespace finsight

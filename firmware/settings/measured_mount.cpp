@@ -28,25 +28,34 @@ Eigen::Isometry3d read_pose(TomlTable table) {
   return pose;
 }
 
-std::string pose_toml(const char* name, const Eigen::Isometry3d& pose) {
+std::string pose_toml(const std::string& name, const Eigen::Isometry3d& pose) {
   const Vector3d p = pose.translation(), w = kDegPerRad * so3_log(pose.linear());
   char text[256];
-  std::snprintf(text, sizeof text, "[%s]\nposition_mm = [%.4f, %.4f, %.4f]\nturn_deg = [%.4f, %.4f, %.4f]\n", name,
-                p.x(), p.y(), p.z(), w.x(), w.y(), w.z());
+  std::snprintf(text, sizeof text, "[%s]\nposition_mm = [%.4f, %.4f, %.4f]\nturn_deg = [%.4f, %.4f, %.4f]\n",
+                name.c_str(), p.x(), p.y(), p.z(), w.x(), w.y(), w.z());
   return text;
 }
 
-/// `measured`, where it is near enough to `model`.
+struct Distance {
+  double shift_mm, turn_deg;
+};
+
+Distance distance_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  const Eigen::Isometry3d off = a.inverse() * b;
+  return {off.translation().norm(), so3_log(off.linear()).norm() * kDegPerRad};
+}
+
+/// `measured`, if it is near enough to `model`; throws InputError otherwise.
 Eigen::Isometry3f checked(const char* name, const Eigen::Isometry3f& model, const Eigen::Isometry3d& measured,
                           const std::string& where) {
-  const Eigen::Isometry3d off = model.cast<double>().inverse() * measured;
+  const Distance distance = distance_between(model.cast<double>(), measured);
   const auto require = [&](double found, double largest, const char* unit) {
     if (found <= largest) return;
     throw InputError(where, name, std::to_string(found) + unit + " from where the model has it",
                      "at most " + std::to_string(largest) + unit + "; is it the mount of another finger?");
   };
-  require(off.translation().norm(), kLargestMountShift_mm, " mm");
-  require(so3_log(off.linear()).norm() * kDegPerRad, kLargestMountTurn_deg, " deg");
+  require(distance.shift_mm, kLargestMountShift_mm, " mm");
+  require(distance.turn_deg, kLargestMountTurn_deg, " deg");
   return measured.cast<float>();
 }
 
@@ -61,10 +70,27 @@ MeasuredMount read_measured_mount(TomlTable table) {
   return mount;
 }
 
-std::string measured_mount_toml(const MeasuredMount& mount) {
-  std::string text = pose_toml("camera", mount.T_finger_camera);
-  for (std::size_t p = 0; p < kPlates; ++p) text += pose_toml(kPlateNames[p], mount.T_finger_marker[p]);
+std::string measured_mount_toml(const MeasuredMount& mount, const std::string& parent) {
+  std::string text = pose_toml(parent + "camera", mount.T_finger_camera);
+  for (std::size_t p = 0; p < kPlates; ++p) text += pose_toml(parent + kPlateNames[p], mount.T_finger_marker[p]);
   return text;
+}
+
+MeasuredMount poses_of(const MountModel& mount) {
+  MeasuredMount poses;
+  poses.T_finger_camera = mount.T_finger_camera.cast<double>();
+  for (std::size_t p = 0; p < kPlates; ++p) poses.T_finger_marker[p] = mount.T_finger_marker[p].cast<double>();
+  return poses;
+}
+
+bool is_same_mount(const MeasuredMount& a, const MeasuredMount& b) {
+  const auto is_same = [](const Eigen::Isometry3d& x, const Eigen::Isometry3d& y) {
+    const Distance distance = distance_between(x, y);
+    return distance.shift_mm <= 0.001 && distance.turn_deg <= 0.001;
+  };
+  bool same = is_same(a.T_finger_camera, b.T_finger_camera);
+  for (std::size_t p = 0; p < kPlates; ++p) same = same && is_same(a.T_finger_marker[p], b.T_finger_marker[p]);
+  return same;
 }
 
 MountModel corrected_mount(const MountModel& model, const MeasuredMount& measured) {

@@ -192,17 +192,25 @@ void read_storage(TomlTable table, Settings& settings) {
   table.finish();
 }
 
-/// Values of `user`, when it is given, take the place of the file's.
-TomlTable parse_merged(const std::filesystem::path& file, const std::filesystem::path& user) {
-  TomlTable root = TomlTable::parse_file(file);
-  if (!user.empty()) root.override_with(user);
-  return root;
-}
-
 }  // namespace
 
-Settings read_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
-  TomlTable root = parse_merged(file, user);
+SettingsFiles::SettingsFiles(const std::filesystem::path& board, const std::filesystem::path& user) {
+  try {
+    versions_.push_back(TomlTable::parse_file(board));
+    if (!user.empty())
+      versions_.insert(versions_.begin(), TomlTable::merged(TomlTable::parse_file(user), versions_[0]));
+  } catch (const InputError& error) {
+    error_ = error;
+  }
+}
+
+TomlTable SettingsFiles::merged() const {
+  if (error_) throw *error_;
+  return versions_.front();
+}
+
+Settings read_settings(const SettingsFiles& files) {
+  TomlTable root = files.merged();
   Settings settings;
   settings.pack = root.path("pack");
   read_source(root.table("source"), settings);
@@ -220,8 +228,8 @@ Settings read_settings(const std::filesystem::path& file, const std::filesystem:
   return settings;
 }
 
-NetworkSettings read_network_settings(const std::filesystem::path& file, const std::filesystem::path& user) {
-  TomlTable root = parse_merged(file, user);
+NetworkSettings read_network_settings(const SettingsFiles& files) {
+  TomlTable root = files.merged();
   NetworkSettings network;
   if (root.has("network")) read_network(root.table("network"), network);
   return network;
@@ -229,32 +237,36 @@ NetworkSettings read_network_settings(const std::filesystem::path& file, const s
 
 namespace {
 
+/// Gives a table of the merged files to `read`, then the board file's if that throws InputError.
 template <class Read>
-void read_part(const std::filesystem::path& file, const std::filesystem::path& user, const char* name,
-               const Read& read) {
-  for (const std::filesystem::path& changes : {user, std::filesystem::path()}) {
+void read_usable(const SettingsFiles& files, const char* name, const Read& read) {
+  for (TomlTable root : files.versions()) {
     try {
-      TomlTable root = parse_merged(file, changes);
       if (root.has(name)) read(root.table(name));
       return;
-    } catch (const InputError&) {  // the next best
+    } catch (const InputError&) {
+      // read_settings() says what is wrong with it.
     }
   }
 }
 
 }  // namespace
 
-Settings read_good_parts(const std::filesystem::path& file, const std::filesystem::path& user) {
+Settings read_usable_settings(const SettingsFiles& files) {
   Settings settings;
-  settings.modbus = {.address = "0.0.0.0", .port = 502};
-  read_part(file, user, "modbus", [&](TomlTable table) {
-    Settings part;
+  settings.modbus.address = "0.0.0.0";
+  // Each into a copy: a table that is refused half-way leaves nothing behind.
+  read_usable(files, "modbus", [&](TomlTable table) {
+    Settings part = settings;
     read_modbus(std::move(table), part);
-    settings.modbus = part.modbus;
-    settings.write_key = part.write_key;
-    settings.loop.runtime = part.loop.runtime;
+    settings = part;
   });
-  read_part(file, user, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
+  read_usable(files, "storage", [&](TomlTable table) {
+    Settings part = settings;
+    read_storage(std::move(table), part);
+    settings = part;
+  });
+  read_usable(files, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
   return settings;
 }
 

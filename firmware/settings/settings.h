@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "firmware/input_error.h"
 #include "firmware/loop/frame_loop.h"
 #include "firmware/modbus/server.h"
 #include "firmware/ports/camera.h"
@@ -29,30 +31,47 @@ struct Settings {
   std::filesystem::path pack;
   enum class Source { kSession, kPoses, kCamera } source = Source::kSession;
   ReplaySettings replay;      ///< of a session or poses
-  LiveCameraSettings camera;  ///< of a camera,
-  CameraModel lens;           ///< and what it sees through
+  LiveCameraSettings camera;  ///< of a camera
+  CameraModel lens;           ///< of a camera; a session brings its own
   std::optional<GpioSettings> gpio;
-  std::optional<MeasuredMount> mount;  ///< of this device; the model's where it was not measured
-  LoopSettings loop;                   ///< its live settings are the factory's, until others were saved
+  std::optional<MeasuredMount> mount;  ///< of this device; the model's if it was not measured
+  LoopSettings loop;                   ///< its runtime settings are the factory settings
   ModbusSettings modbus;
   std::uint16_t write_key = kDefaultWriteKey;
   std::filesystem::path saved_state;  ///< what clients save; empty: nothing can be saved
-  std::filesystem::path recordings;   ///< where sessions are recorded; empty: none are
+  std::filesystem::path recordings;   ///< where sessions are recorded; empty: nowhere
   RealtimeSettings realtime;
   NetworkSettings network;
 };
 
-/// Throws InputError with file:line, key, found and expected. Relative paths start at the file's folder. Values of
-/// `user`, when it is given, take the place of the board file's.
-Settings read_settings(const std::filesystem::path& file, const std::filesystem::path& user = {});
+/// The board file with the user's file, if there is one, over it. Each is parsed once; all readers share them.
+class SettingsFiles {
+ public:
+  /// Never throws InputError: merged() does.
+  SettingsFiles(const std::filesystem::path& board, const std::filesystem::path& user = {});
 
-/// [network] alone, however the rest is: a device that cannot work should still be found. Throws InputError like
-/// read_settings().
-NetworkSettings read_network_settings(const std::filesystem::path& file, const std::filesystem::path& user = {});
+  /// Throws InputError for a file that is missing or not TOML.
+  TomlTable merged() const;
+  /// What there is, best first: the merged files, the board file alone. Without those that are not TOML.
+  const std::vector<TomlTable>& versions() const { return versions_; }
 
-/// For when read_settings() fails: [modbus] and [gpio], each by itself; where the user's is bad the board file's, and
-/// the default (Modbus on 0.0.0.0:502, no outputs) where that is bad too. Never throws InputError.
-Settings read_good_parts(const std::filesystem::path& file, const std::filesystem::path& user = {});
+ private:
+  std::vector<TomlTable> versions_;
+  std::optional<InputError> error_;
+};
+
+/// Strict: throws InputError with file:line, key, found and expected. Relative paths start at the folder of the file
+/// that they stand in.
+Settings read_settings(const SettingsFiles& files);
+
+/// [network] alone, whatever the rest is like: a device that cannot work must still be found in the network. Throws
+/// InputError like read_settings().
+NetworkSettings read_network_settings(const SettingsFiles& files);
+
+/// For when read_settings() fails: [modbus], [storage] and [gpio], each on its own. Where the user's is not valid, the
+/// board file's; where that is not valid either, the default (Modbus on 0.0.0.0:502, nothing saved, no outputs). Never
+/// throws InputError.
+Settings read_usable_settings(const SettingsFiles& files);
 
 /// The intrinsics that a session was recorded with, as the vision stages want them.
 CameraModel camera_of(const SessionInfo& session);

@@ -61,12 +61,12 @@ std::string range_text(const char* kind, double lowest, double highest) {
 
 }  // namespace
 
-TomlTable::TomlTable(std::shared_ptr<Document> document, const void* node, std::string name)
-    : document_(std::move(document)), node_(node), name_(std::move(name)) {}
+TomlTable::TomlTable(Place changes, Place base, std::string name)
+    : changes_(std::move(changes)), base_(std::move(base)), name_(std::move(name)) {}
 
 namespace {
 
-// toml++ goes down into a dotted key part by part and knows no limit there. A run of dots that nothing ends is a key.
+// toml++ recurses once per part of a dotted key, without a limit. A run of dots that nothing ends is a key.
 void check_keys(const std::string& text, const std::string& file) {
   constexpr int kMaxParts = 64;
   constexpr std::string_view kEnds = "\n,={}[]";
@@ -101,50 +101,42 @@ TomlTable TomlTable::parse_file(const std::filesystem::path& file) {
   const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   if (!in) throw InputError(file.string(), "cannot be read");
   document->root = parsed(text, file.string());
-  return TomlTable(document, &document->root, "");
+  return TomlTable({}, {document, &document->root}, "");
 }
 
 TomlTable TomlTable::parse_text(const std::string& text, const std::string& name) {
   auto document = std::make_shared<Document>();
   document->file = name;
   document->root = parsed(text, name);
-  return TomlTable(document, &document->root, "");
+  return TomlTable({}, {document, &document->root}, "");
 }
 
-namespace {
+TomlTable TomlTable::merged(const TomlTable& changes, const TomlTable& base) {
+  return TomlTable(changes.base_, base.base_, "");
+}
 
-void take_over(toml::table& base, toml::table& changes) {
-  for (auto&& [key, node] : changes) {
-    toml::node* old = base.get(key.str());
-    const toml::table* change = node.as_table();
-    const bool another = change && change->contains("kind");  // of which only its own keys make sense
-    if (old && old->is_table() && change && !another) {
-      take_over(*old->as_table(), *node.as_table());
-    } else {
-      base.insert_or_assign(key, std::move(node));  // moved, because a copy forgets where it stood
-    }
+/// The node of a key, from the changes if it is there; null if neither has it.
+const void* TomlTable::lookup(const std::string& key) const {
+  for (const Place* place : {&changes_, &base_}) {
+    if (!place->node) continue;
+    if (const toml::node* node = as_table(place->node).get(key)) return node;
   }
+  return nullptr;
 }
 
-}  // namespace
-
-void TomlTable::override_with(const std::filesystem::path& file) {
-  TomlTable changes = parse_file(file);
-  take_over(document_->root, changes.document_->root);
-}
-
-bool TomlTable::has(const std::string& key) const { return as_table(node_).contains(key); }
+bool TomlTable::has(const std::string& key) const { return lookup(key) != nullptr; }
 
 std::string TomlTable::where(const std::string& key) const {
-  const toml::node* node = key.empty() ? nullptr : as_table(node_).get(key);
-  const toml::source_region& source = node ? node->source() : as_table(node_).source();
-  const std::string& file = source.path ? *source.path : document_->file;
+  const Place& place = base_.node ? base_ : changes_;
+  const void* node = key.empty() ? nullptr : lookup(key);
+  const toml::source_region& source = node ? as_node(node).source() : as_table(place.node).source();
+  const std::string& file = source.path ? *source.path : place.document->file;
   return source.begin.line > 0 ? file + ":" + std::to_string(source.begin.line) : file;
 }
 
 const void* TomlTable::find(const std::string& key, const char* expected, bool required) {
   asked_.push_back(key);
-  const toml::node* node = as_table(node_).get(key);
+  const void* node = lookup(key);
   if (!node && required) throw InputError(where(), name_ + key, "nothing", expected);
   return node;
 }
@@ -228,15 +220,22 @@ std::vector<std::string> TomlTable::texts(const std::string& key) {
 std::filesystem::path TomlTable::path(const std::string& key) {
   const std::filesystem::path given = text(key);
   if (given.empty()) throw InputError(where(key), name_ + key, "\"\"", "a path");
-  const toml::source_path_ptr& file = as_table(node_).get(key)->source().path;
-  const auto folder = file ? std::filesystem::path(*file).parent_path() : document_->folder;
+  const toml::source_path_ptr& file = as_node(lookup(key)).source().path;
+  const auto folder = file ? std::filesystem::path(*file).parent_path() : base_.document->folder;
   return given.is_absolute() ? given : folder / given;
 }
 
 TomlTable TomlTable::table(const std::string& key) {
   const void* node = find(key, "a table", true);
   if (!as_node(node).is_table()) throw InputError(where(key), name_ + key, shown(as_node(node)), "a table");
-  return TomlTable(document_, as_node(node).as_table(), name_ + key + ".");
+  const auto inner = [&](const Place& place) {
+    const toml::node* found = place.node ? as_table(place.node).get(key) : nullptr;
+    return Place{place.document, found ? found->as_table() : nullptr};
+  };
+  const Place changes = inner(changes_), base = inner(base_);
+  if (!changes.node) return TomlTable({}, base, name_ + key + ".");
+  const bool replaces = !base.node || as_table(changes.node).contains("kind");
+  return TomlTable(replaces ? Place{} : changes, replaces ? changes : base, name_ + key + ".");
 }
 
 TomlTable TomlTable::table_or_file(const std::string& key) {
@@ -250,16 +249,23 @@ std::vector<TomlTable> TomlTable::tables(const std::string& key) {
   if (!array || array->empty() || !array->is_homogeneous(toml::node_type::table)) {
     throw InputError(where(key), name_ + key, shown(as_node(node)), "an array of tables");
   }
+  const bool is_changed = changes_.node && as_table(changes_.node).contains(key);
+  const std::shared_ptr<Document>& document = is_changed ? changes_.document : base_.document;
   std::vector<TomlTable> result;
-  for (const toml::node& item : *array) result.push_back(TomlTable(document_, item.as_table(), name_ + key + "."));
+  for (const toml::node& item : *array) {
+    result.push_back(TomlTable({}, {document, item.as_table()}, name_ + key + "."));
+  }
   return result;
 }
 
 void TomlTable::finish() const {
-  for (const auto& [key, node] : as_table(node_)) {
-    const std::string name(key.str());
-    if (std::find(asked_.begin(), asked_.end(), name) != asked_.end()) continue;
-    throw InputError(where(name), name_ + name, "an unknown key", "none of that name");
+  for (const Place* place : {&changes_, &base_}) {
+    if (!place->node) continue;
+    for (const auto& [key, node] : as_table(place->node)) {
+      const std::string name(key.str());
+      if (std::find(asked_.begin(), asked_.end(), name) != asked_.end()) continue;
+      throw InputError(where(name), name_ + name, "an unknown key", "none of that name");
+    }
   }
 }
 

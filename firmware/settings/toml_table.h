@@ -11,17 +11,19 @@
 
 namespace finsight {
 
-/// A table of a TOML file that knows its place in it. All readers throw InputError naming file:line, the key, what was
-/// found and what was expected. Call finish() on every table when all keys have been read.
+/// A table of a TOML file, or of two merged ones, that knows where its values stand. All readers throw InputError
+/// naming file:line, the key, what was found and what was expected. Call finish() on every table when all keys have
+/// been read.
 class TomlTable {
  public:
   static TomlTable parse_file(const std::filesystem::path& file);
   /// `name` stands for the file in messages.
   static TomlTable parse_text(const std::string& text, const std::string& name);
 
-  /// For a table of a whole file: what `file` says takes the place of what stands here, key by key; a table that says
-  /// its kind as a whole. Messages name the file that a value came from.
-  void override_with(const std::filesystem::path& file);
+  /// Both as one table: the values of `changes`, and those of `base` for keys that `changes` does not have. Tables of
+  /// the same name are merged likewise, except that one with a key "kind" replaces the other as a whole. Neither is
+  /// altered. Messages name the file that a value came from.
+  static TomlTable merged(const TomlTable& changes, const TomlTable& base);
 
   bool has(const std::string& key) const;
   double number(const std::string& key, double lowest, double highest, std::optional<double> fallback = std::nullopt);
@@ -29,34 +31,38 @@ class TomlTable {
                        std::optional<std::int64_t> fallback = std::nullopt);
   bool flag(const std::string& key, std::optional<bool> fallback = std::nullopt);
   std::string text(const std::string& key, std::optional<std::string> fallback = std::nullopt);
-  /// A text that must be one of `choices`.
+  /// A text, one of `choices`.
   std::string choice(const std::string& key, const std::vector<std::string>& choices,
                      std::optional<std::string> fallback = std::nullopt);
   /// An array of exactly `count` numbers (any number of them if `count` is 0).
   std::vector<double> numbers(const std::string& key, std::size_t count, double lowest, double highest);
   /// An array of texts.
   std::vector<std::string> texts(const std::string& key);
-  /// A path; a relative one is taken from the folder of the file.
+  /// A path; a relative one starts at the folder of the file that it stands in.
   std::filesystem::path path(const std::string& key);
 
   TomlTable table(const std::string& key);
-  /// A table, or the path of a TOML file that is one; a relative path is taken from the folder of the file.
+  /// A table, or the path of a TOML file that holds one.
   TomlTable table_or_file(const std::string& key);
   std::vector<TomlTable> tables(const std::string& key);  ///< [[key]], in file order; at least one
 
-  /// Throws for every key that nobody asked for. Sub-tables finish themselves.
+  /// Throws for every key that nobody asked for. Inner tables have a finish() of their own.
   void finish() const;
   /// "file:line" of a key, or of the table itself; for messages of the caller's own checks.
   std::string where(const std::string& key = "") const;
 
  private:
   struct Document;
-  TomlTable(std::shared_ptr<Document> document, const void* node, std::string name);
+  struct Place {
+    std::shared_ptr<Document> document;
+    const void* node = nullptr;  ///< toml::table inside the document; null: there is none
+  };
+  TomlTable(Place changes, Place base, std::string name);
+  const void* lookup(const std::string& key) const;
   const void* find(const std::string& key, const char* expected, bool required);
 
-  std::shared_ptr<Document> document_;
-  const void* node_;  // toml::table inside document_
-  std::string name_;  // dotted path of this table
+  Place changes_, base_;  ///< a table of a single file is a base without changes
+  std::string name_;      ///< dotted path of this table
   std::vector<std::string> asked_;
 };
 

@@ -136,7 +136,7 @@ void write_model_pack(const std::filesystem::path& file, const PackViews& views)
     std::filesystem::remove(candidate);
     throw;
   }
-  std::filesystem::rename(candidate, file);
+  replace_file(candidate, file);
 }
 
 }  // namespace finsight::host

@@ -1,6 +1,5 @@
 #include "hostgen/util/common.h"
 
-#include <fcntl.h>
 #include <openssl/sha.h>
 #include <unistd.h>
 
@@ -93,33 +92,6 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& wor
   worker();
   threads.clear();  // joins
   if (failure) std::rethrow_exception(failure);
-}
-
-void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes) {
-  const auto fail = [&](const char* what) {
-    throw std::system_error(errno, std::generic_category(), file.string() + ": " + what);
-  };
-  if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path());
-  const std::string temporary = file.string() + ".part" + std::to_string(getpid());
-  const int fd = open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (fd < 0) fail("cannot create");
-  for (std::size_t at = 0; at < bytes.size();) {
-    const ssize_t written = write(fd, bytes.data() + at, bytes.size() - at);
-    if (written < 0) {
-      close(fd);
-      unlink(temporary.c_str());
-      fail("cannot write");
-    }
-    at += static_cast<std::size_t>(written);
-  }
-  if (fsync(fd) != 0 || close(fd) != 0 || rename(temporary.c_str(), file.c_str()) != 0) {
-    unlink(temporary.c_str());
-    fail("cannot finish");
-  }
-}
-
-void write_file_atomically(const std::filesystem::path& file, const std::string& text) {
-  write_file_atomically(file, std::as_bytes(std::span(text)));
 }
 
 void check_writable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> read) {

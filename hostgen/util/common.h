@@ -7,9 +7,10 @@
 #include <filesystem>
 #include <functional>
 #include <initializer_list>
-#include <span>
 #include <stdexcept>
 #include <string>
+
+#include "firmware/settings/atomic_file.h"
 
 namespace finsight::host {
 
@@ -39,10 +40,7 @@ class Progress {
 /// throws Interrupted.
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& work);
 
-/// Writes `bytes` beside `file`, syncs, and renames: readers see the old file or the new one, never half of it.
-/// Throws std::system_error.
-void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes);
-void write_file_atomically(const std::filesystem::path& file, const std::string& text);
+using finsight::write_file_atomically;
 /// Before long work: that a file can be written there, its folders too, and that it is none of those that are read.
 /// Throws std::exception if not.
 void check_writable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> read = {});

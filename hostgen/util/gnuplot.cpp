@@ -6,6 +6,8 @@
 #include <csignal>
 #include <stdexcept>
 
+#include "firmware/settings/atomic_file.h"
+
 namespace finsight::host {
 
 Gnuplot::Gnuplot(const std::filesystem::path& svg)
@@ -32,7 +34,7 @@ void Gnuplot::finish() {
   pipe_ = nullptr;
   if (WIFEXITED(status) && WEXITSTATUS(status) == 127) throw std::runtime_error("gnuplot is not installed");
   if (status != 0) throw std::runtime_error("gnuplot failed on " + target_.string());
-  std::filesystem::rename(temporary_, target_);
+  replace_file(temporary_, target_);
 }
 
 }  // namespace finsight::host

@@ -255,5 +255,5 @@ TEST_CASE("lens calibration: its file is what a board file takes, for this image
   // What a device's owner says takes the place of the board's.
   const auto user = folder.write("finsight.toml", "[source]\nlens = \"lens.toml\"\n");
   const std::string own = "[source.lens]\nfx_fy_cx_cy = [1, 1, 1, 1]\nk1_k2_p1_p2_k3 = [0, 0, 0, 0, 0]\n";
-  CHECK(read_settings(board(vga, own), user).lens.fx == named.fx);
+  CHECK(read_settings({board(vga, own), user}).lens.fx == named.fx);
 }

@@ -1,7 +1,11 @@
 #include "firmware/device/outputs.h"
 
 #include <doctest/doctest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
+#include <cstdlib>
 #include <vector>
 
 using namespace finsight;
@@ -95,4 +99,45 @@ TEST_CASE("outputs: a trigger is a rising edge; a line that is active from the s
   gpio.level = true;
   CHECK(trigger.rises(gpio.trigger()));
   CHECK_FALSE(trigger.rises(gpio.trigger()));
+}
+
+TEST_CASE("outputs: a crash sets the safe levels before the program ends with its signal") {
+  /// Says on a pipe what it is told.
+  struct PipeGpio : Gpio {
+    explicit PipeGpio(int fd) : pipe(fd) {}
+    bool set(const OutputLevels& levels) override { return write(pipe, levels.data(), kOutputs) == kOutputs; }
+    bool trigger() override { return false; }
+    int pipe;
+  };
+  int ends[2];
+  REQUIRE(pipe(ends) == 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    DigitalOutputs outputs(std::make_unique<PipeGpio>(ends[1]), kSafe);
+    RegisterImage image;
+    image.words[0] = kReady | kContact;
+    RuntimeSettings settings;
+    settings[kLight] = 0;
+    outputs.set(image, settings);
+    std::raise(SIGABRT);
+    _exit(0);
+  }
+  close(ends[1]);
+  OutputLevels levels{};
+  REQUIRE(read(ends[0], levels.data(), kOutputs) == kOutputs);
+  CHECK(levels == OutputLevels{true, false, true, false});
+  REQUIRE(read(ends[0], levels.data(), kOutputs) == kOutputs);
+  CHECK(levels == kSafe);
+  CHECK(read(ends[0], levels.data(), kOutputs) == 0);
+  close(ends[0]);
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  CHECK(WIFSIGNALED(status));
+  CHECK(WTERMSIG(status) == SIGABRT);
+}
+
+TEST_CASE("outputs: a board without outputs is never refused") {
+  DigitalOutputs none(std::nullopt);
+  CHECK(none.set(RegisterImage{}, RuntimeSettings{}));
+  CHECK_FALSE(none.trigger_rises());
 }

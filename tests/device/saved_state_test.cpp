@@ -84,6 +84,16 @@ class Disk {
   std::map<std::string, File> names_;
 };
 
+ZeroBasis basis() {
+  ZeroBasis basis{.model_checksum = 0x00C0FFEE, .mount = {}};
+  basis.mount.T_finger_camera = Eigen::Translation3d(0, -22, -3) * Eigen::AngleAxisd(-1.5, Eigen::Vector3d::UnitX());
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    basis.mount.T_finger_marker[p] = Eigen::Translation3d(1, 100 - 30.0 * static_cast<double>(p), 20) *
+                                     Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized());
+  }
+  return basis;
+}
+
 SavedState changed() {
   SavedState state;
   state.settings[kHoldTime] = 1234;
@@ -103,6 +113,13 @@ bool same(const SavedState& a, const SavedState& b) {
   return true;
 }
 
+void save(const std::filesystem::path& file, const SavedState& state) { save_state(file, state, basis()); }
+
+/// For a device with this basis.
+std::optional<LoadedState> load(const std::filesystem::path& file, const ZeroBasis& mine = basis()) {
+  return load_state(file, &mine);
+}
+
 std::string text_of(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
@@ -113,12 +130,13 @@ std::string text_of(const std::filesystem::path& file) {
 TEST_CASE("saved state: what is saved comes back to the last bit, in a folder that did not exist") {
   const test::ScratchFolder folder;
   const auto file = folder / "deep" / "er" / "state.toml";
-  CHECK_FALSE(load_state(file));
+  CHECK_FALSE(load(file));
   for (const SavedState& state : {SavedState{}, changed()}) {
-    save_state(file, state);
-    const auto loaded = load_state(file);
+    save(file, state);
+    const auto loaded = load(file);
     REQUIRE(loaded);
-    CHECK(same(*loaded, state));
+    CHECK(same(loaded->state, state));
+    CHECK(loaded->problem.empty());
   }
 }
 
@@ -126,22 +144,22 @@ TEST_CASE("saved state: a power cut at any byte leaves the old file or the new o
   const test::ScratchFolder folder;
   const auto file = folder / "state.toml", cut = folder / "cut.toml";
   const SavedState old_state;
-  save_state(file, old_state);
+  save(file, old_state);
   const std::string old_text = text_of(file);
   steps.clear();
   watching = true;
-  save_state(file, changed());
+  save(file, changed());
   watching = false;
-  const std::string beside = file.string() + ".new";
+  const std::string beside = file.string() + ".part" + std::to_string(getpid());
   Disk disk(old_text, file.string());
   disk.create(beside);
   int cuts = 0, old_ones = 0, new_ones = 0;
   const auto cut_here = [&] {
     for (const bool only_synced : {false, true}) {
       folder.write("cut.toml", disk.survivor(file.string(), only_synced));
-      const auto loaded = load_state(cut);
+      const auto loaded = load(cut);
       REQUIRE(loaded);
-      const bool is_old = same(*loaded, old_state), is_new = same(*loaded, changed());
+      const bool is_old = same(loaded->state, old_state), is_new = same(loaded->state, changed());
       CHECK(is_old != is_new);
       old_ones += is_old;
       new_ones += is_new;
@@ -174,30 +192,29 @@ TEST_CASE("saved state: a power cut at any byte leaves the old file or the new o
 TEST_CASE("saved state: a disk that fails leaves the old file, and says so") {
   const test::ScratchFolder folder;
   const auto file = folder / "state.toml";
-  save_state(file, {});
+  save(file, {});
   refuses_sync = true;
-  CHECK_THROWS_WITH_AS(save_state(file, changed()), doctest::Contains("state.toml: cannot be saved"),
-                       std::system_error);
+  CHECK_THROWS_WITH_AS(save(file, changed()), doctest::Contains("state.toml: cannot be synced"), std::system_error);
   refuses_sync = false;
-  CHECK(same(*load_state(file), {}));
+  CHECK(same(load(file)->state, {}));
 }
 
 TEST_CASE("saved state: a file that is cut, changed or not valid is refused by line and key") {
   const test::ScratchFolder folder;
   const auto file = folder / "state.toml";
-  save_state(file, changed());
+  save(file, changed());
   const std::string text = text_of(file);
-  const auto last_line = text.rfind("low = ");
-  for (std::size_t length = 0; length < last_line; ++length) {
+  const auto last_key = text.rfind(']');
+  for (std::size_t length = 0; length <= last_key; ++length) {
     folder.write("state.toml", text.substr(0, length));
-    CHECK_THROWS_AS(load_state(file), InputError);
+    CHECK_THROWS_AS(load(file), InputError);
   }
   const auto refusal = [&](const std::string& from, const std::string& to) {
     std::string wrong = text;
     wrong.replace(wrong.find(from), from.size(), to);
     folder.write("state.toml", wrong);
     try {
-      load_state(file);
+      load(file);
     } catch (const InputError& error) {
       return std::string(error.what());
     }
@@ -206,7 +223,7 @@ TEST_CASE("saved state: a file that is cut, changed or not valid is refused by l
   CHECK(refusal("hold_time = 1234", "hold_time = 10001").find("state.toml:10: settings.hold_time: found 10001") !=
         std::string::npos);
   CHECK(refusal("contact_on = 20", "contact_on = 10").find("\"on\" is not above its \"off\"") != std::string::npos);
-  CHECK(refusal("version = 1", "version = 2").find("version: found 2") != std::string::npos);
+  CHECK(refusal("version = 2", "version = 3").find("version: found 3") != std::string::npos);
   CHECK(refusal("light = 1", "lamp = 1").find("light") != std::string::npos);
 }
 
@@ -219,15 +236,90 @@ TEST_CASE("saved state: the saver tells how it went, once") {
     return -1;
   };
   {
-    StateSaver saver(folder / "state.toml");
+    StateSaver saver(folder / "state.toml", basis());
     CHECK_FALSE(saver.outcome());
     saver.begin(changed());
     CHECK(wait(saver) == 1);
     CHECK_FALSE(saver.outcome());
   }
-  CHECK(same(*load_state(folder / "state.toml"), changed()));
+  CHECK(same(load(folder / "state.toml")->state, changed()));
   folder.write("taken", "");
-  StateSaver saver(folder / "taken" / "state.toml");  // a file stands where the folder would be
+  StateSaver saver(folder / "taken" / "state.toml", basis());  // a file stands where the folder would be
   saver.begin({});
   CHECK(wait(saver) == 0);
+}
+
+TEST_CASE("saved state: a zero of another model or another mount is refused, the settings are used") {
+  const test::ScratchFolder folder;
+  const auto file = folder / "state.toml";
+  save(file, changed());
+  const auto refused = [&](const ZeroBasis& mine, const char* reason) {
+    const auto loaded = load(file, mine);
+    REQUIRE(loaded);
+    CHECK(loaded->state.settings == changed().settings);
+    CHECK_FALSE(loaded->state.zero);
+    CHECK(loaded->problem.find(reason) != std::string::npos);
+  };
+  ZeroBasis other = basis();
+  other.model_checksum = 1;
+  refused(other, "was measured with model 00c0ffee, expected 00000001");
+  other = basis();
+  other.mount.T_finger_camera.translation().z() += 0.01;
+  refused(other, "another mount");
+  other = basis();
+  other.mount.T_finger_marker[kLowPlate].rotate(Eigen::AngleAxisd(1e-4, Eigen::Vector3d::UnitY()));
+  refused(other, "another mount");
+  ZeroBasis rounded = basis();  // as another compiler computes it
+  rounded.mount.T_finger_camera = rounded.mount.T_finger_camera.cast<float>().cast<double>();
+  CHECK(load(file, rounded)->state.zero);
+}
+
+TEST_CASE("saved state: a file without a zero suits every model and mount") {
+  const test::ScratchFolder folder;
+  save(folder / "state.toml", {});
+  ZeroBasis other = basis();
+  other.model_checksum = 1;
+  CHECK(load(folder / "state.toml", other)->problem.empty());
+}
+
+TEST_CASE("saved state: of a file of version 1 the settings are used, and its zero is refused") {
+  const test::ScratchFolder folder;
+  const auto file = folder / "state.toml";
+  save(file, changed());
+  std::string text = text_of(file);
+  text.replace(text.find("version = 2"), 11, "version = 1");
+  folder.write("state.toml", text.substr(0, text.find("model = ")));
+  const auto loaded = load(file);
+  REQUIRE(loaded);
+  CHECK(loaded->state.settings == changed().settings);
+  CHECK_FALSE(loaded->state.zero);
+  CHECK(loaded->problem.find("does not say with which model and mount") != std::string::npos);
+}
+
+TEST_CASE("saved state: without a model only the settings are asked for, and without a usable file the factory's") {
+  const test::ScratchFolder folder;
+  const auto file = folder / "state.toml";
+  RuntimeSettings factory;
+  factory[kHoldTime] = 777;
+  CHECK(load_state_or_factory("", nullptr, factory).state.settings == factory);
+  CHECK(load_state_or_factory(file, nullptr, factory).state.settings == factory);
+  save(file, changed());
+  const LoadedState loaded = load_state_or_factory(file, nullptr, factory);
+  CHECK(loaded.state.settings == changed().settings);
+  CHECK_FALSE(loaded.state.zero);
+  CHECK(loaded.problem.empty());
+  folder.write("state.toml", "nonsense\n");
+  const LoadedState refused = load_state_or_factory(file, nullptr, factory);
+  CHECK(refused.state.settings == factory);
+  CHECK(refused.problem.find("state.toml:1: ") != std::string::npos);
+  CHECK(refused.problem.find("the factory settings are used") != std::string::npos);
+}
+
+TEST_CASE("saved state: what was begun is saved before the end") {
+  const test::ScratchFolder folder;
+  for (int i = 0; i < 50; ++i) {
+    const auto file = folder / ("state" + std::to_string(i) + ".toml");
+    StateSaver(file, basis()).begin(changed());
+    REQUIRE(load(file));
+  }
 }

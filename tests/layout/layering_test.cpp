@@ -75,7 +75,7 @@ TEST_CASE("layering: types.h sees only the standard library and Eigen") {
 }
 
 // Lowest first. A folder may include itself, what it lists, and the headers at the top (types.h, input_error.h).
-// The TOML reader is a text reader that whoever reads TOML may use.
+// The reader of TOML and the writer of whole files know nothing of the others; everybody may use them.
 TEST_CASE("layering: every folder of the firmware includes only those below it") {
   const std::set<std::string> stages = {"firmware/geometry", "firmware/model"};
   const std::set<std::string> loop = {"firmware/geometry", "firmware/model", "firmware/vision",
@@ -97,7 +97,7 @@ TEST_CASE("layering: every folder of the firmware includes only those below it")
   CHECK(broken([&](const Include& i) {
           if (!i.folder.starts_with("firmware") || !i.target.starts_with("firmware/")) return true;
           if (i.target == "firmware/types.h" || i.target == "firmware/input_error.h") return true;
-          if (i.target == "firmware/settings/toml_table.h") return true;
+          if (i.target == "firmware/settings/toml_table.h" || i.target == "firmware/settings/atomic_file.h") return true;
           const std::string target = folder_of(i.target);
           return below.contains(i.folder) && (target == i.folder || below.at(i.folder).contains(target));
         }) == "");

@@ -122,7 +122,9 @@ TEST_CASE("y4m: an unfinished recording leaves no file behind, a full disk is an
   const std::vector<std::uint8_t> grey(1000 * 1000);
   { Y4mWriter(folder.path / "frames.y4m", 1000, 1000, 60).write(grey.data()); }
   CHECK(fs::is_empty(folder.path));
-  CHECK_THROWS_AS(Y4mWriter(folder.path / "missing" / "frames.y4m", 8, 8, 60), std::system_error);
+  std::ofstream(folder.path / "taken") << "a file";
+  CHECK_THROWS_AS(Y4mWriter(folder.path / "taken" / "frames.y4m", 8, 8, 60), std::system_error);
+  fs::remove(folder.path / "taken");
 
   // A limit on the file's size stands for a full disk.
   rlimit before{};

@@ -73,6 +73,22 @@ void check_refused(const std::string& line, const std::string& by, const std::st
   CHECK_THROWS_WITH_AS(read(replaced(kFull, line, by)), doctest::Contains((place + reason).c_str()), InputError);
 }
 
+constexpr const char* kBoard =
+    "pack = \"model.safetensors\"\n[source]\nkind = \"session\"\npath = \"/recorded\"\nrepeat = true\n[modbus]\nport = "
+    "502\n";
+
+/// The message about a valid board file with this user's file.
+std::string user_refusal(const std::string& user) {
+  const test::ScratchFolder folder;
+  const auto board = folder.write("board.toml", kBoard);
+  try {
+    read_settings({board, folder.write("user.toml", user)});
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
 }  // namespace
 
 TEST_CASE("settings: every key arrives") {
@@ -264,4 +280,89 @@ TEST_CASE("settings: the workstation's board file is good and finds what the dem
   CHECK(settings.replay.repeat);
   CHECK(settings.modbus.port == 1502);  // 502 needs privileges on a workstation
   CHECK(settings.loop.runtime == parts.loop.runtime);
+}
+
+TEST_CASE("settings: the user's values take the board file's place, and paths start at the user's file") {
+  const test::ScratchFolder folder;
+  const auto board = folder.write("board.toml", kBoard);
+  std::filesystem::create_directory(folder / "esp");
+  const auto user = folder.write("esp/user.toml",
+                                 "pack = \"finger.safetensors\"\n[modbus]\nword_order = \"CDAB\"\n"
+                                 "[network]\nmethod = \"static\"\naddress = \"10.1.2.3/8\"\n");
+  const Settings settings = read_settings({board, user});
+  CHECK(settings.pack == folder / "esp" / "finger.safetensors");
+  CHECK(settings.loop.runtime[kWordOrder] == 1);
+  CHECK(settings.modbus.port == 502);
+  CHECK(settings.replay.path == "/recorded");
+  CHECK(settings.network.address == "10.1.2.3/8");
+  CHECK(read_settings(board).pack == folder / "model.safetensors");
+}
+
+TEST_CASE("settings: a source of another kind replaces the board's as a whole") {
+  const test::ScratchFolder folder;
+  const auto board = folder.write("board.toml", kBoard);
+  const Settings settings =
+      read_settings({board, folder.write("user.toml", "[source]\nkind = \"poses\"\npath = \"a.csv\"\n")});
+  CHECK(settings.source == Settings::Source::kPoses);
+  CHECK_FALSE(settings.replay.repeat);
+}
+
+TEST_CASE("settings: an error in the user's file names that file and line") {
+  CHECK(user_refusal("") == "");
+  CHECK(user_refusal("\n\n[modbsu]\nport = 1\n").find("user.toml:3") != std::string::npos);
+  CHECK(user_refusal("[modbus]\nport = 70000\n").find("user.toml:2") != std::string::npos);
+  CHECK(user_refusal("[modbus]\n\nprot = 502\n").find("user.toml:3") != std::string::npos);
+  CHECK(user_refusal("[network]\nmethod = \"static\"\n").find("network.address") != std::string::npos);
+  CHECK(user_refusal("[network]\nmethod = \"static\"\naddress = \"10.0.0.1\"\n").find("prefix length") !=
+        std::string::npos);
+  CHECK(user_refusal("[network]\nmethod = \"dhcp\"\naddress = \"10.0.0.1/8\"\n").find("user.toml:3") !=
+        std::string::npos);
+  CHECK(user_refusal("[realtime]\npriority = 99\n").find("user.toml:2") != std::string::npos);
+  CHECK(user_refusal("this is not TOML").find("user.toml:1") != std::string::npos);
+}
+
+TEST_CASE("settings: the network is read whatever the rest is like") {
+  const test::ScratchFolder folder;
+  const auto board = folder.write("board.toml", kBoard);
+  const auto user = folder.write("user.toml",
+                                 "[modbus]\nword_order = \"XX\"\n[modbsu]\n"
+                                 "[network]\nmethod = \"static\"\naddress = \"10.1.2.3/8\"\n");
+  CHECK_THROWS_AS(read_settings({board, user}), InputError);
+  CHECK(read_network_settings({board, user}).address == "10.1.2.3/8");
+  CHECK(read_network_settings(board).address.empty());
+  const auto wrong = folder.write("wrong.toml", "[network]\nmethod = \"static\"\naddress = \"10.1.2\"\n");
+  CHECK_THROWS_WITH_AS(read_network_settings({board, wrong}), doctest::Contains("network.address"), InputError);
+}
+
+TEST_CASE("settings: the files are read once, for all readers together") {
+  const test::ScratchFolder folder;
+  const auto board = folder.write("board.toml", kBoard);
+  const auto user = folder.write("user.toml", "[network]\nmethod = \"static\"\naddress = \"10.1.2.3/8\"\n");
+  const SettingsFiles files(board, user);
+  std::filesystem::remove(board);
+  std::filesystem::remove(user);
+  for (int again = 0; again < 2; ++again) {
+    CHECK(read_settings(files).network.address == "10.1.2.3/8");
+    CHECK(read_network_settings(files).address == "10.1.2.3/8");
+    CHECK(read_usable_settings(files).modbus.port == 502);
+  }
+}
+
+TEST_CASE("settings: of settings that are refused the valid parts are used") {
+  const test::ScratchFolder folder;
+  std::string with_outputs = kBoard;
+  with_outputs += "[gpio]\nchip = \"/dev/gpiochip0\"\n[gpio.healthy]\nnumber = 3\n";
+  const auto board = folder.write("board.toml", with_outputs);
+  const auto good_part = folder.write("a.toml", "[modbus]\nport = 1502\nword_order = \"CDAB\"\n[nonsense]\n");
+  CHECK(read_usable_settings({board, good_part}).modbus.port == 1502);
+  CHECK(read_usable_settings({board, good_part}).loop.runtime[kWordOrder] == 1);
+  CHECK(read_usable_settings({board, good_part}).gpio.has_value());
+  const auto bad_part = folder.write("b.toml", "[modbus]\nport = 70000\n[gpio]\nchip = 3\n");
+  CHECK(read_usable_settings({board, bad_part}).modbus.port == 502);
+  CHECK(read_usable_settings({board, bad_part}).gpio->chip == "/dev/gpiochip0");
+  const auto bad_modbus = folder.write("d.toml", "[modbus]\nport = 0x10000\n[storage]\nsettings = \"state.toml\"\n");
+  CHECK(read_usable_settings({board, bad_modbus}).saved_state == folder / "state.toml");
+  const auto no_toml = folder.write("c.toml", "port = = 1\n");
+  CHECK(read_usable_settings({no_toml, no_toml}).modbus.address == "0.0.0.0");
+  CHECK_FALSE(read_usable_settings(folder / "none.toml").gpio.has_value());
 }

@@ -1,0 +1,35 @@
+// When the firmware cannot work: clients see why, and the outputs stay safe.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+
+#include "firmware/device/outputs.h"
+#include "firmware/modbus/server.h"
+#include "firmware/settings/settings.h"
+
+namespace finsight {
+
+/// Where a client looks first, with all restrictions of `settings` kept: for when its own address and port do not work.
+ModbusSettings fallback_settings(const ModbusSettings& settings);
+
+/// Serves a fault and nothing that was measured. Needs neither model nor camera, and only those settings that are
+/// valid. Of the commands only reset is carried out.
+class SafeMode {
+ public:
+  /// Opens outputs and server. Throws std::system_error if not even the fallback port can be opened.
+  SafeMode(const SettingsFiles& files, FaultCode fault);
+  int port() const { return server_->port(); }
+  /// Until `stop` is set (true), or a client ordered a reset and has had the time to read its result (false).
+  bool run(const std::atomic<bool>& stop);
+
+ private:
+  SafeMode(const Settings& settings, FaultCode fault);
+  Control control_;
+  std::optional<DigitalOutputs> outputs_;  ///< never set, so they stay safe
+  std::unique_ptr<ModbusServer> server_;
+  LoopState state_;
+};
+
+}  // namespace finsight

@@ -1,0 +1,102 @@
+#include "firmware/settings/atomic_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+namespace finsight {
+
+namespace {
+
+constexpr std::size_t kBufferBytes = 64 * 1024;
+
+[[noreturn]] void throw_errno(const std::filesystem::path& file, const char* what) {
+  throw std::system_error(errno, std::generic_category(), file.string() + ": " + what);
+}
+
+std::filesystem::path folder_of(const std::filesystem::path& file) {
+  return file.has_parent_path() ? file.parent_path() : ".";
+}
+
+/// Opens an existing file or folder and waits until it is on the disk.
+void sync(const std::filesystem::path& path, int flags) {
+  const int descriptor = ::open(path.c_str(), flags | O_CLOEXEC);
+  if (descriptor < 0) throw_errno(path, "cannot be opened");
+  const int result = ::fsync(descriptor), error = errno;
+  ::close(descriptor);
+  errno = error;
+  // EINVAL: a file system that keeps no names in memory, such as some network ones.
+  if (result != 0 && errno != EINVAL) throw_errno(path, "cannot be synced");
+}
+
+void rename_durably(const std::filesystem::path& from, const std::filesystem::path& to) {
+  if (::rename(from.c_str(), to.c_str()) != 0) throw_errno(to, "cannot be renamed");
+  sync_folder(folder_of(to));
+}
+
+}  // namespace
+
+AtomicFile::AtomicFile(std::filesystem::path file)
+    : file_(std::move(file)), temporary_(file_.string() + ".part" + std::to_string(getpid())) {
+  std::filesystem::create_directories(folder_of(file_));
+  descriptor_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (descriptor_ < 0) fail("cannot be created");
+}
+
+AtomicFile::~AtomicFile() {
+  if (descriptor_ < 0) return;
+  ::close(descriptor_);
+  ::unlink(temporary_.c_str());
+}
+
+void AtomicFile::fail(const char* what) const { throw_errno(file_, what); }
+
+void AtomicFile::write(std::string_view bytes) {
+  if (buffer_.size() + bytes.size() > kBufferBytes) flush();
+  if (bytes.size() < kBufferBytes) {
+    buffer_.append(bytes);
+  } else {
+    write_through(bytes.data(), bytes.size());
+  }
+}
+
+void AtomicFile::flush() {
+  write_through(buffer_.data(), buffer_.size());
+  buffer_.clear();
+}
+
+void AtomicFile::write_through(const char* bytes, std::size_t count) {
+  while (count > 0) {
+    const ssize_t written = ::write(descriptor_, bytes, count);
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) fail("cannot be written");
+    bytes += written;
+    count -= static_cast<std::size_t>(written);
+  }
+}
+
+void AtomicFile::commit() {
+  flush();
+  if (::fsync(descriptor_) != 0) fail("cannot be synced");
+  rename_durably(temporary_, file_);
+  ::close(std::exchange(descriptor_, -1));
+}
+
+void write_file_atomically(const std::filesystem::path& file, std::string_view bytes) {
+  AtomicFile out(file);
+  out.write(bytes);
+  out.commit();
+}
+
+void replace_file(const std::filesystem::path& from, const std::filesystem::path& to) {
+  sync(from, O_RDONLY);
+  rename_durably(from, to);
+}
+
+void sync_folder(const std::filesystem::path& folder) { sync(folder, O_RDONLY | O_DIRECTORY); }
+
+}  // namespace finsight
