@@ -1,6 +1,8 @@
 #include <algorithm>
+#include <atomic>
 #include <chrono>
-#include <future>
+#include <semaphore>
+#include <thread>
 
 #include "firmware/input_error.h"
 #include "firmware/ports/camera.h"
@@ -22,7 +24,14 @@ class LiveCamera : public Camera {
         report_(std::move(report)),
         clock_(clock),
         frame_time_ns_(static_cast<std::int64_t>(1e9 / settings.frames_per_second)),
-        stall_ns_(settings.stall_ms * kMs) {}
+        stall_ns_(settings.stall_ms * kMs),
+        opener_([this] { run_opener(); }) {}
+
+  ~LiveCamera() override {
+    stopping_ = true;
+    wanted_.release();
+    opener_.join();
+  }
 
   bool next(Frame& frame, int timeout_ms) override {
     const std::int64_t limit_ns = clock_.now_ns() + timeout_ms * kMs;
@@ -46,12 +55,7 @@ class LiveCamera : public Camera {
   CameraCounts counts() const override { return counts_; }
 
  private:
-  struct Attempt {
-    std::unique_ptr<Camera> camera;
-    std::string error;  // why there is none
-  };
-
-  /// The camera's own counter starts anew with every opening; ours goes on.
+  /// The camera's own counter restarts with every opening; ours goes on.
   void accept(Frame& frame) {
     if (!delivered_) sequence_offset_ = next_sequence_ - frame.sequence;
     frame.sequence += sequence_offset_;
@@ -76,49 +80,44 @@ class LiveCamera : public Camera {
   }
 
   /// True once there is a camera. Closing the lost one and opening can take seconds when the hardware does not answer,
-  /// so a thread does both; it only exists while there are no frames to be late for.
+  /// so the opener does both.
   bool reopen(std::int64_t limit_ns) {
-    if (!opening_.valid()) {
+    if (!is_opening_) {
       clock_.sleep_until_ns(std::min(retry_ns_, limit_ns));
       if (clock_.now_ns() < retry_ns_) return false;
-      if (!start_opening()) return false;
+      is_opening_ = true;
+      wanted_.release();
     }
     const std::int64_t left_ns = std::max<std::int64_t>(limit_ns - clock_.now_ns(), 0);
-    if (opening_.wait_for(std::chrono::nanoseconds(left_ns)) != std::future_status::ready) return false;
-    Attempt attempt = opening_.get();
+    if (!done_.try_acquire_for(std::chrono::nanoseconds(left_ns))) return false;
+    is_opening_ = false;
     ++counts_.openings;
-    camera_ = std::move(attempt.camera);
-    if (!camera_) {
-      wait_before_retry(attempt.error);
+    if (!opened_) {
+      wait_before_retry(opening_error_);
       return false;
     }
+    camera_ = std::move(opened_);
     last_frame_ns_ = clock_.now_ns();
     delivered_ = false;
     return true;
   }
 
-  bool start_opening() {
-    try {
-      opening_ = std::async(std::launch::async, [this, lost = std::move(lost_), why = error_]() mutable {
-        if (!why.empty()) report_change(why);
-        lost.reset();
-        return attempt();
-      });
-      return true;
-    } catch (const std::exception& error) {  // no thread to be had
-      wait_before_retry(error.what());
-      return false;
-    }
-  }
-
-  Attempt attempt() {
-    try {
-      Attempt opened{open_(), ""};
-      report_change("");
-      return opened;
-    } catch (const std::exception& error) {
-      report_change(error.what());
-      return {nullptr, error.what()};
+  /// The opener's thread. It exists from the start and lets other threads inherit nothing of the frame loop's
+  /// scheduling: those of the camera, which start with every opening.
+  void run_opener() {
+    for (;;) {
+      wanted_.acquire();
+      if (stopping_) return;
+      if (!error_.empty()) report_change(error_);
+      lost_.reset();
+      try {
+        opened_ = open_();
+        opening_error_.clear();
+      } catch (const std::exception& error) {
+        opening_error_ = error.what();
+      }
+      report_change(opening_error_);
+      done_.release();
     }
   }
 
@@ -132,14 +131,21 @@ class LiveCamera : public Camera {
   ReplayClock clock_;
   std::int64_t frame_time_ns_, stall_ns_;
 
-  std::unique_ptr<Camera> camera_, lost_;
+  std::unique_ptr<Camera> camera_;
   bool delivered_ = false;  // a frame, since camera_ was opened
   std::int64_t last_frame_ns_ = 0, retry_ns_ = 0, wait_ns_ = kFirstWaitNs;
   std::uint32_t sequence_offset_ = 0, next_sequence_ = 0;
-  std::string error_;
   CameraCounts counts_;
-  std::string reported_ = "not opened yet";  // only the opening thread's
-  std::future<Attempt> opening_;             // last: its destructor waits for the thread, which uses the others
+  bool is_opening_ = false;
+
+  // Used by the opener between wanted_ and done_, by the caller of next() otherwise.
+  std::unique_ptr<Camera> lost_, opened_;
+  std::string error_, opening_error_;
+  std::string reported_ = "not opened yet";
+
+  std::atomic<bool> stopping_{false};
+  std::counting_semaphore<> wanted_{0}, done_{0};
+  std::thread opener_;  // last: it uses the others
 };
 
 }  // namespace

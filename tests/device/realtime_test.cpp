@@ -1,189 +1,109 @@
 #include "firmware/device/realtime.h"
-#include "firmware/device/network_file.h"
-#include "firmware/device/supervisor.h"
 
 #include <doctest/doctest.h>
-#include <sys/socket.h>
-#include <sys/un.h>
-#include <unistd.h>
+#include <sched.h>
 
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <string>
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <stdexcept>
+#include <thread>
+#include <vector>
 
-#include "firmware/input_error.h"
-#include "firmware/settings/settings.h"
-#include "firmware/settings/toml_table.h"
-
-namespace {
+#include "firmware/ports/camera.h"
 
 using namespace finsight;
 
-/// A folder of the test's own that goes with it.
-struct Folder {
-  Folder() : path(std::filesystem::temp_directory_path() / ("appliance-test-" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(path);
-  }
-  ~Folder() { std::filesystem::remove_all(path); }
-  std::filesystem::path write(const std::string& name, const std::string& text) const {
-    std::ofstream(path / name) << text;
-    return path / name;
-  }
-  std::filesystem::path path;
+namespace {
+
+struct Scheduling {
+  int processors = 0, policy = -1;
 };
 
-constexpr const char* kBoard =
-    "pack = \"model.safetensors\"\n[source]\nkind = \"session\"\npath = \"/recorded\"\nrepeat = true\n[modbus]\nport = "
-    "502\n";
-
-/// What is said about a board file that is good and a user's file that is not.
-std::string refusal(const std::string& user) {
-  const Folder folder;
-  const auto board = folder.write("board.toml", kBoard);
-  try {
-    read_settings(board, folder.write("user.toml", user));
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
+/// Of the calling thread.
+Scheduling scheduling() {
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  sched_getaffinity(0, sizeof cpus, &cpus);
+  return {CPU_COUNT(&cpus), sched_getscheduler(0)};
 }
 
-/// The receiving end of a notification socket, named in the environment as systemd does.
-struct NotifySocket {
-  explicit NotifySocket(const std::filesystem::path& path) : socket(::socket(AF_UNIX, SOCK_DGRAM, 0)) {
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    path.string().copy(address.sun_path, sizeof address.sun_path - 1);
-    REQUIRE(bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
-    setenv("NOTIFY_SOCKET", path.c_str(), 1);
+int first_processor() {
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  sched_getaffinity(0, sizeof cpus, &cpus);
+  int cpu = 0;
+  while (!CPU_ISSET(cpu, &cpus)) ++cpu;
+  return cpu;
+}
+
+/// On the first processor and, where the system allows it, in real time.
+void make_loop_realtime() {
+  try {
+    make_realtime({.priority = 1, .cpu = first_processor()});
+  } catch (const std::runtime_error&) {
+    make_realtime({.cpu = first_processor()});
   }
-  ~NotifySocket() {
-    unsetenv("NOTIFY_SOCKET");
-    close(socket);
+}
+
+/// Starts a thread when it is opened, as libcamera does; it notes how it is scheduled. Lost after one frame.
+class ThreadedCamera : public Camera {
+ public:
+  explicit ThreadedCamera(std::vector<Scheduling>& threads) {
+    std::thread([&] { threads.push_back(scheduling()); }).join();
   }
-  std::string next() const {
-    char text[64];
-    const ssize_t length = recv(socket, text, sizeof text, MSG_DONTWAIT);
-    return length > 0 ? std::string(text, static_cast<std::size_t>(length)) : "";
+  bool next(Frame& frame, int) override {
+    frame.exposure_ns = steady_now_ns();
+    return !std::exchange(is_over_, true);
   }
-  int socket;
+  bool ended() const override { return is_over_; }
+  std::string error() const override { return ""; }
+
+ private:
+  bool is_over_ = false;
 };
 
 }  // namespace
 
-TEST_CASE("appliance: an address is dotted decimal, with or without its prefix length") {
-  CHECK(is_ipv4("192.168.0.40/24", true));
-  CHECK(is_ipv4("10.0.0.1", false));
-  for (const char* wrong : {"192.168.0.40", "192.168.0.40/", "192.168.0.40/0", "192.168.0.40/33", "192.168.0.40/24x",
-                            "192.168.0/24", "256.0.0.1/8", "/24", "a.b.c.d/24", "1.2.3.4/24\nGateway=6.6.6.6"}) {
-    CAPTURE(wrong);
-    CHECK_FALSE(is_ipv4(wrong, true));
+TEST_CASE("real time: a camera's threads share neither processor nor priority with the loop, whenever it is opened") {
+  const Scheduling ordinary = scheduling();
+  if (ordinary.processors < 2) {
+    MESSAGE("one processor: nothing to tell apart");
+    return;
   }
-  CHECK_FALSE(is_ipv4(std::string("10.0.0.1\0\nDHCP=yes", 18), false));
-  CHECK_FALSE(is_ipv4("10.0.0.1/8", false));
-  CHECK_FALSE(is_ipv4("", false));
+  std::vector<Scheduling> threads;
+  Scheduling loop;
+  std::thread([&] {
+    const auto camera = keep_open([&] { return std::make_unique<ThreadedCamera>(threads); }, {.frames_per_second = 60},
+                                  [](const std::string&) {}, steady_replay_clock());
+    make_loop_realtime();
+    loop = scheduling();
+    Frame frame;
+    for (int frames = 0, tries = 0; frames < 2 && tries < 100; ++tries) frames += camera->next(frame, 100);
+  }).join();
+  CHECK(loop.processors == 1);
+  REQUIRE(threads.size() >= 2);  // opened at the start, and again when it was lost
+  for (const Scheduling& thread : threads) {
+    CHECK(thread.processors == ordinary.processors);
+    CHECK(thread.policy == SCHED_OTHER);
+  }
 }
 
-TEST_CASE("appliance: the network file asks DHCP, or has the address and the gateway") {
-  CHECK(networkd_file({}).find("DHCP=ipv4\n") != std::string::npos);
-  const std::string fixed = networkd_file({"192.168.0.40/24", "192.168.0.1"});
-  CHECK(fixed.find("Address=192.168.0.40/24\nGateway=192.168.0.1\n") != std::string::npos);
-  CHECK(fixed.find("DHCP") == std::string::npos);
-  CHECK(networkd_file({"192.168.0.40/24", ""}).find("Gateway") == std::string::npos);
+TEST_CASE("real time: what was before can be restored, for the next start") {
+  const Scheduling ordinary = scheduling();
+  Scheduling again;
+  std::thread([&] {
+    const SchedulingSnapshot before;
+    make_loop_realtime();
+    before.restore();
+    again = scheduling();
+  }).join();
+  CHECK(again.processors == ordinary.processors);
+  CHECK((again.policy & ~SCHED_RESET_ON_FORK) == SCHED_OTHER);
 }
 
-TEST_CASE("appliance: the supervisor is told, and the watchdog at most once per second") {
-  const Folder folder;
-  const NotifySocket systemd(folder.path / "notify");
-  Supervisor supervisor;
-  supervisor.ready();
-  CHECK(systemd.next() == "READY=1");
-  constexpr std::int64_t kSecond = 1'000'000'000;
-  supervisor.alive(5 * kSecond, true);
-  supervisor.alive(5 * kSecond + 1, true);
-  supervisor.alive(6 * kSecond - 1, false);
-  CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=measuring");
-  CHECK(systemd.next() == "");
-  supervisor.alive(6 * kSecond, false);
-  CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=looking for the camera");
-}
-
-TEST_CASE("appliance: without a supervisor, and with one that does not listen, nothing happens") {
-  Supervisor alone;
-  alone.ready();
-  setenv("NOTIFY_SOCKET", "/nowhere/at/all", 1);
-  Supervisor deaf;
-  deaf.alive(1'000'000'000'000, true);
-  setenv("NOTIFY_SOCKET", std::string(200, 'x').c_str(), 1);
-  Supervisor too_long;
-  too_long.ready();
-  unsetenv("NOTIFY_SOCKET");
-}
-
-TEST_CASE("appliance: the user's values take the board file's place, and paths start at the user's file") {
-  const Folder folder;
-  const auto board = folder.write("board.toml", kBoard);
-  std::filesystem::create_directories(folder.path / "esp");
-  const auto user = folder.write("esp/user.toml",
-                                 "pack = \"finger.safetensors\"\n[modbus]\nword_order = \"CDAB\"\n"
-                                 "[network]\nmethod = \"static\"\naddress = \"10.1.2.3/8\"\n");
-  const Settings settings = read_settings(board, user);
-  CHECK(settings.pack == folder.path / "esp" / "finger.safetensors");
-  CHECK(settings.loop.runtime[kWordOrder] == 1);
-  CHECK(settings.modbus.port == 502);
-  CHECK(settings.replay.path == "/recorded");
-  CHECK(settings.network.address == "10.1.2.3/8");
-  CHECK(read_settings(board).pack == folder.path / "model.safetensors");
-}
-
-TEST_CASE("appliance: a source of another kind replaces the board's as a whole") {
-  const Folder folder;
-  const auto board = folder.write("board.toml", kBoard);
-  const Settings settings =
-      read_settings(board, folder.write("user.toml", "[source]\nkind = \"poses\"\npath = \"a.csv\"\n"));
-  CHECK(settings.source == Settings::Source::kPoses);
-  CHECK_FALSE(settings.replay.repeat);
-}
-
-TEST_CASE("appliance: an error in the user's file names that file and line") {
-  CHECK(refusal("") == "");
-  CHECK(refusal("\n\n[modbsu]\nport = 1\n").find("user.toml:3") != std::string::npos);
-  CHECK(refusal("[modbus]\nport = 70000\n").find("user.toml:2") != std::string::npos);
-  CHECK(refusal("[modbus]\n\nprot = 502\n").find("user.toml:3") != std::string::npos);
-  CHECK(refusal("[network]\nmethod = \"static\"\n").find("network.address") != std::string::npos);
-  CHECK(refusal("[network]\nmethod = \"static\"\naddress = \"10.0.0.1\"\n").find("prefix length") != std::string::npos);
-  CHECK(refusal("[network]\nmethod = \"dhcp\"\naddress = \"10.0.0.1/8\"\n").find("user.toml:3") != std::string::npos);
-  CHECK(refusal("[realtime]\npriority = 99\n").find("user.toml:2") != std::string::npos);
-  CHECK(refusal("this is not TOML").find("user.toml:1") != std::string::npos);
-}
-
-TEST_CASE("appliance: the network is read however the rest is") {
-  const Folder folder;
-  const auto board = folder.write("board.toml", kBoard);
-  const auto user = folder.write("user.toml",
-                                 "[modbus]\nword_order = \"XX\"\n[modbsu]\n"
-                                 "[network]\nmethod = \"static\"\naddress = \"10.1.2.3/8\"\n");
-  CHECK_THROWS_AS(read_settings(board, user), InputError);
-  CHECK(read_network_settings(board, user).address == "10.1.2.3/8");
-  CHECK(read_network_settings(board).address.empty());
-  const auto wrong = folder.write("wrong.toml", "[network]\nmethod = \"static\"\naddress = \"10.1.2\"\n");
-  CHECK_THROWS_WITH_AS(read_network_settings(board, wrong), doctest::Contains("network.address"), InputError);
-}
-
-TEST_CASE("appliance: of bad settings the good parts serve the fault") {
-  const Folder folder;
-  std::string with_outputs = kBoard;
-  with_outputs += "[gpio]\nchip = \"/dev/gpiochip0\"\n[gpio.healthy]\nnumber = 3\n";
-  const auto board = folder.write("board.toml", with_outputs);
-  const auto good_part = folder.write("a.toml", "[modbus]\nport = 1502\nword_order = \"CDAB\"\n[nonsense]\n");
-  CHECK(read_good_parts(board, good_part).modbus.port == 1502);
-  CHECK(read_good_parts(board, good_part).loop.runtime[kWordOrder] == 1);
-  CHECK(read_good_parts(board, good_part).gpio.has_value());
-  const auto bad_part = folder.write("b.toml", "[modbus]\nport = 70000\n[gpio]\nchip = 3\n");
-  CHECK(read_good_parts(board, bad_part).modbus.port == 502);
-  CHECK(read_good_parts(board, bad_part).gpio->chip == "/dev/gpiochip0");
-  const auto no_toml = folder.write("c.toml", "port = = 1\n");
-  CHECK(read_good_parts(no_toml, no_toml).modbus.address == "0.0.0.0");
-  CHECK_FALSE(read_good_parts(folder.path / "none.toml").gpio.has_value());
+TEST_CASE("real time: what the system refuses is named with its key") {
+  std::thread([] {
+    CHECK_THROWS_WITH_AS(make_realtime({.cpu = 1023}), doctest::Contains("realtime.cpu = 1023: "), std::runtime_error);
+  }).join();
 }
