@@ -1,22 +1,22 @@
 #include "firmware/device/recorder.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <exception>
-#include <fstream>
 #include <optional>
 #include <utility>
+
+#include "firmware/device/log.h"
+#include "firmware/device/register_log.h"
+#include "firmware/settings/atomic_file.h"
 
 namespace finsight {
 
 namespace {
 
-/// The first number that no folder has, and none after it: names are never used again while a later one exists.
-std::filesystem::path next_folder(const std::filesystem::path& parent) {
+/// Makes the folder with the number after the highest one.
+std::filesystem::path new_folder(const std::filesystem::path& parent) {
   int last = 0;
   std::filesystem::create_directories(parent);
   for (const auto& entry : std::filesystem::directory_iterator(parent)) {
@@ -25,50 +25,50 @@ std::filesystem::path next_folder(const std::filesystem::path& parent) {
   }
   char name[32];
   std::snprintf(name, sizeof name, "session-%04d", last + 1);
+  std::filesystem::create_directory(parent / name);
   return parent / name;
-}
-
-void write_text(const std::filesystem::path& file, const std::string& text) {
-  std::ofstream out(file);
-  out << text;
-  out.flush();
-  if (!out) throw std::runtime_error(file.string() + ": cannot be written");
 }
 
 }  // namespace
 
-/// The files of one recording; the images get their name when it is over.
+/// One recording. Its files get their names when it is over; one that fails leaves nothing behind.
 struct Recorder::Session {
   Session(const std::filesystem::path& parent, const SessionInfo& session)
-      : folder(next_folder(parent)), info(session) {
-    std::filesystem::create_directory(folder);
-    images.emplace(folder / kSessionFrames, info.width_px, info.height_px, info.frames_per_second);
-    registers.open(folder / "registers.csv");
-    registers << "frame";
-    for (int i = 0; i < kMeasurementRegisters; ++i) registers << ",r" << i;
-    registers << "\n";
+      : folder(new_folder(parent)),
+        info(session),
+        images(folder / kSessionFrames, info.width_px, info.height_px, info.frames_per_second),
+        registers(folder / "registers.csv") {
+    registers.write("frame," + csv_names_of_registers() + "\n");
   }
+  ~Session() {
+    std::error_code ignored;
+    if (!is_finished) std::filesystem::remove_all(folder, ignored);
+  }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
   void add(const Slot& slot) {
-    images->write(slot.grey.data());
-    registers << slot.sequence;
-    for (const std::uint16_t word : slot.image.words) registers << "," << word;
-    registers << "\n";
+    images.write(slot.grey.data());
+    registers.write(std::to_string(slot.sequence) + "," + csv_of_registers(slot.image.words) + "\n");
     ++frames;
   }
+  /// session.toml comes last: a folder that has one is complete.
   void finish(unsigned left_out) {
-    images->finish();
-    registers.flush();
-    if (!registers) throw std::runtime_error((folder / "registers.csv").string() + ": cannot be written");
+    images.finish();
+    registers.commit();
     info.description = "recorded by finsightd: " + std::to_string(frames) + " frames, " + std::to_string(left_out) +
                        " left out because the disk was too slow";
-    write_text(folder / kSessionInfo, session_info_toml(info));
+    write_file_atomically(folder / kSessionInfo, session_info_toml(info));
+    sync_folder(folder.parent_path());
+    is_finished = true;
   }
 
   std::filesystem::path folder;
   SessionInfo info;
-  std::optional<Y4mWriter> images;
-  std::ofstream registers;
+  Y4mWriter images;
+  AtomicFile registers;
   unsigned frames = 0;
+  bool is_finished = false;
 };
 
 Recorder::Recorder(std::filesystem::path folder, const SessionInfo& info) : folder_(std::move(folder)), info_(info) {
@@ -81,7 +81,7 @@ Recorder::~Recorder() {
   thread_.join();
 }
 
-// Frames leave room for these, so they never wait.
+// Frames leave room for orders, so these never wait.
 void Recorder::push_order(Order order) {
   ++open_orders_;
   slots_[head_ % kSlots].order = order;
@@ -127,7 +127,7 @@ void Recorder::run() {
         if (state_ == State::kRecording) state_ = State::kIdle;
       }
     } catch (const std::exception& error) {
-      std::fprintf(stderr, "finsightd: recording: %s\n", error.what());
+      log_message(std::string("recording: ") + error.what());
       session.reset();
       state_ = State::kFailed;
     }

@@ -15,20 +15,21 @@
 
 namespace finsight {
 
-/// Folders session-0001, session-0002, ... The frame loop's thread gives frames away and never waits: a thread writes
-/// them, and what it cannot write in time is left out and counted in session.toml's description.
+/// Folders session-0001, session-0002, ... The frame loop's thread hands frames over and never waits: another thread
+/// writes them. Frames that it cannot write in time are left out and counted in session.toml's description. A recording
+/// that the disk refuses leaves no folder behind.
 class Recorder {
  public:
   enum class State : std::uint16_t { kIdle, kRecording, kFailed };  // the values of register 1005
 
-  /// `info` is what the images are seen through; it has a size and a rate.
+  /// `info` describes the images: size, rate, lens and markers.
   Recorder(std::filesystem::path folder, const SessionInfo& info);
-  ~Recorder();  ///< ends a recording that runs
+  ~Recorder();  ///< finishes a recording that is running
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
   State state() const { return state_; }
-  /// What start() and stop() began is over.
+  /// What start() and stop() ordered is done: after stop() all files are on the disk, or the state is kFailed.
   bool is_settled() const { return open_orders_ == 0; }
   void start() { push_order(Order::kStart); }
   void stop() { push_order(Order::kStop); }
@@ -43,7 +44,7 @@ class Recorder {
     std::uint32_t sequence = 0;
     RegisterImage image;
   };
-  static constexpr unsigned kSlots = 16;     // a quarter of a second: as long as a card may pause
+  static constexpr unsigned kSlots = 16;     // a quarter of a second, the longest pause of a memory card
   static constexpr unsigned kForOrders = 2;  // slots that frames leave free
 
   void push_order(Order order);
@@ -57,8 +58,8 @@ class Recorder {
   const std::filesystem::path folder_;
   const SessionInfo info_;
   std::array<Slot, kSlots> slots_;
-  std::atomic<unsigned> head_{0}, tail_{0};  ///< of the slots, counted on
-  std::atomic<int> open_orders_{0};          ///< given, not yet carried out
+  std::atomic<unsigned> head_{0}, tail_{0};  ///< slots filled and written since the start
+  std::atomic<int> open_orders_{0};          ///< not yet carried out
   std::atomic<unsigned> left_out_{0};
   std::atomic<State> state_{State::kIdle};
   std::counting_semaphore<> filled_{0};
