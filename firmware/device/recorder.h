@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "firmware/modbus/register_table.h"
 #include "firmware/ports/session.h"
 #include "firmware/types.h"
 
@@ -20,7 +21,12 @@ namespace finsight {
 /// that the disk refuses leaves no folder behind.
 class Recorder {
  public:
-  enum class State : std::uint16_t { kIdle, kRecording, kFailed };  // the values of register 1005
+  /// Register 1005.
+  enum class State : std::uint16_t {
+    kIdle = value_named("recording", "idle"),
+    kRecording = value_named("recording", "recording"),
+    kFailed = value_named("recording", "failed"),
+  };
 
   /// `info` describes the images: size, rate, lens and markers.
   Recorder(std::filesystem::path folder, const SessionInfo& info);

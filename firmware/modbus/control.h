@@ -93,7 +93,7 @@ class Control {
     std::uint32_t client = 0;
     std::int64_t until_ns = 0;
   };
-  std::array<Unlocked, 16> unlocked_;  ///< when it is full, the next client replaces the one unlocked first
+  std::array<Unlocked, 16> unlocked_;  ///< when full, the next client replaces the one that expires first
   RuntimeSettings settings_;
   std::uint16_t command_ = 0, sequence_ = 0;
   TripleBuffer<RuntimeSettings> to_loop_;

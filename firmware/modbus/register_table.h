@@ -58,7 +58,7 @@ constexpr RegisterRow number(int address, const char* name, RegisterType type, d
 constexpr RegisterRow count(int address, const char* name, RegisterType type, const char* description) {
   return number(address, name, type, 1, "", description);
 }
-/// A number that is not always there.
+/// A number that is not always valid.
 constexpr RegisterRow measured(int address, const char* name, RegisterType type, double scale, const char* unit,
                                const char* description, const char* invalid_means = "not valid") {
   RegisterRow row = number(address, name, type, scale, unit, description);
@@ -124,13 +124,13 @@ inline constexpr NamedValue kFaults[] = {
     {4, "self_test_failed"},
     {5, "settings_or_model_refused", "safe mode"},
     {6, "failed_repeatedly", "safe mode"},
-    {7, "saved_settings_refused", "or the saved zero; factory values instead; until command 3"},
+    {7, "saved_settings_refused", "or the saved zero; factory values are in use; cleared by command 3"},
     {8, "stalled", "no new result; all values are old"},
-    {9, "camera_frozen", "it repeats one image"},
+    {9, "camera_frozen", "repeats the same image"},
     {10, "image_too_dark"},
     {11, "image_too_bright"},
     {12, "image_out_of_focus"},
-    {13, "camera_moved", "relative to the finger; mend its mount, then zero"},
+    {13, "camera_moved", "relative to the finger; correct its mount, then zero"},
 };
 
 inline constexpr NamedValue kShapeSources[] = {
@@ -142,13 +142,13 @@ inline constexpr NamedValue kShapeSources[] = {
 
 inline constexpr NamedValue kLimitBits[] = {
     {0, "contact"},
-    {1, "gentle"},
+    {1, "gentle", "an object is gripped"},
     {2, "overload"},
 };
 
 inline constexpr NamedValue kCommands[] = {
     {0, "none"},
-    {1, "zero", "the present pose of the finger becomes its rest"},
+    {1, "zero", "the finger's present pose becomes its rest pose"},
     {2, "save", "settings and zero"},
     {3, "clear", "the fault"},
     {4, "record", "a session"},
@@ -161,13 +161,13 @@ inline constexpr NamedValue kResults[] = {
     {0, "done"},
     {1, "not_possible", "zero: a plate is missing, moving or too far off; record: already recording"},
     {2, "not_configured", "the board file names no folder or file for it"},
-    {3, "failed", "disk"},
+    {3, "failed", "disk error"},
 };
 
 inline constexpr NamedValue kRecordingStates[] = {
     {0, "idle"},
     {1, "recording"},
-    {2, "failed", "the last recording, for its disk"},
+    {2, "failed", "the last recording; disk error"},
 };
 
 inline constexpr NamedValue kAfterHoldCodes[] = {
@@ -193,7 +193,7 @@ namespace table {
 
 using enum RegisterType;
 
-// Rows have one line each, as in a table.
+// One line per row.
 // clang-format off
 inline constexpr RegisterRow kMeasurements[] = {
     row::bits(0, "status", kStatusBits, "bit 13 is reserved, always 0; the others"),
@@ -204,8 +204,8 @@ inline constexpr RegisterRow kMeasurements[] = {
     row::measured(5, "touch_x", kInt16, 0.01, "mm", "touched point on the undeformed front face, across the finger"),
     row::measured(6, "touch_y", kInt16, 0.01, "mm", "touched point on the undeformed front face, up from the base"),
     row::measured(7, "touch_z", kInt16, 0.01, "mm", "touched point on the undeformed front face, into the finger"),
-    row::measured(8, "touch_uncertainty", kUint16, 0.01, "mm", "68 % of the errors of the touched point are smaller"),
-    row::measured(9, "force", kUint16, 0.01, "N", "force of the touch"),
+    row::measured(8, "touch_uncertainty", kUint16, 0.01, "mm", "radius around the touched point that the true one lies in with 68 % probability"),
+    row::measured(9, "force", kUint16, 0.01, "N", "contact force"),
     row::measured(10, "force_uncertainty", kUint16, 0.01, "N", "standard deviation of the force"),
     row::measured(11, "deformation_level", kUint16, 1, "permille", "register 28 relative to the finger's rated deformation"),
     row::measured(12, "largest_displacement", kUint16, 0.01, "mm", "largest displacement of any point of the finger"),
@@ -231,14 +231,14 @@ inline constexpr RegisterRow kMeasurements[] = {
     row::measured(40, "contact_x", kInt16, 0.01, "mm", "where the touched point is now, across the finger"),
     row::measured(41, "contact_y", kInt16, 0.01, "mm", "where the touched point is now, up from the base"),
     row::measured(42, "contact_z", kInt16, 0.01, "mm", "where the touched point is now, into the finger"),
-    row::code(43, "shape_source", kShapeSources, "what the shape comes from"),
+    row::code(43, "shape_source", kShapeSources, "source of the shape"),
     row::bits(44, "limits", kLimitBits, "thresholds with hysteresis (settings 1010 to 1015)"),
     row::reserved(45, "reserved_45"),
     row::count(46, "test_constant_long", kUint32, "305419896 (16#12345678), to check the word order of 32-bit values"),
 };
 
 inline constexpr RegisterRow kControl[] = {
-    row::writable_code(row::code(1000, "command", kCommands, "starts when its number is written to register 1001")),
+    row::writable_code(row::code(1000, "command", kCommands, "starts when a new number is written to register 1001")),
     row::writable(row::count(1001, "command_sequence", kUint16, "a number other than that in register 1002 starts the command; writing the same number again does nothing"), 0, 65535),
     row::count(1002, "result_sequence", kUint16, "number of the last finished command; 0 after a start"),
     row::code(1003, "result", kResults, "of that command"),
@@ -248,18 +248,18 @@ inline constexpr RegisterRow kControl[] = {
     row::reserved(1007, "reserved_1007"),
     row::reserved(1008, "reserved_1008"),
     row::reserved(1009, "reserved_1009"),
-    row::writable(row::number(1010, "contact_on", kUint16, 0.01, "N", "force from which on there is contact; must be above contact_off"), 1, 10000, 20),
-    row::writable(row::number(1011, "contact_off", kUint16, 0.01, "N", "force below which contact ends"), 0, 9999, 10),
-    row::writable(row::number(1012, "gentle_on", kUint16, 1, "permille", "deformation level from which on an object counts as gripped; must be above gentle_off"), 1, 5000, 200),
-    row::writable(row::number(1013, "gentle_off", kUint16, 1, "permille", "deformation level below which it no longer does"), 0, 4999, 150),
-    row::writable(row::number(1014, "overload_on", kUint16, 1, "permille", "deformation level from which on there is overload; must be above overload_off"), 1, 5000, 1000),
-    row::writable(row::number(1015, "overload_off", kUint16, 1, "permille", "deformation level below which overload ends"), 0, 4999, 900),
+    row::writable(row::number(1010, "contact_on", kUint16, 0.01, "N", "contact is set at this force; must exceed contact_off"), 1, 10000, 20),
+    row::writable(row::number(1011, "contact_off", kUint16, 0.01, "N", "contact is cleared below this force"), 0, 9999, 10),
+    row::writable(row::number(1012, "gentle_on", kUint16, 1, "permille", "gentle is set at this deformation level; must exceed gentle_off"), 1, 5000, 200),
+    row::writable(row::number(1013, "gentle_off", kUint16, 1, "permille", "gentle is cleared below this deformation level"), 0, 4999, 150),
+    row::writable(row::number(1014, "overload_on", kUint16, 1, "permille", "overload is set at this deformation level; must exceed overload_off"), 1, 5000, 1000),
+    row::writable(row::number(1015, "overload_off", kUint16, 1, "permille", "overload is cleared below this deformation level"), 0, 4999, 900),
     row::writable(row::number(1016, "hold_time", kUint16, 1, "ms", "how long the last plate poses stand in for missing ones"), 0, 10000, 200),
     row::writable_code(row::code(1017, "after_hold", kAfterHoldCodes, "what happens after the hold time, besides a fault")),
     row::writable(row::number(1018, "output_debounce", kUint16, 1, "ms", "how long a digital output's new level must last before it is set; safe levels are set at once"), 0, 1000, 0),
     row::writable_code(row::code(1019, "word_order", kWordOrders, "of 32-bit registers")),
-    row::writable_code(row::code(1020, "light", kSwitch, ""), 1),
-    row::writable_code(row::code(1021, "trigger_command", std::span(kCommands).first(6), "command that a rising edge of the trigger input starts")),
+    row::writable_code(row::code(1020, "light", kSwitch, "the finger's light"), 1),
+    row::writable_code(row::code(1021, "trigger_command", std::span(kCommands).first(6), "started by a rising edge of the trigger input")),
 };
 // clang-format on
 

@@ -61,7 +61,7 @@ struct RuntimeSettings {
 /// Whether every setting is in its range and every "on" threshold above its "off" threshold.
 bool are_valid(const RuntimeSettings& settings);
 
-/// Register 44. Each is set from its "on" threshold on and cleared below its "off" threshold.
+/// Register 44. Each is set at its "on" threshold and cleared below its "off" threshold.
 struct ThresholdState {
   bool contact = false, gentle = false, overload = false;
 };
