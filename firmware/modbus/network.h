@@ -16,7 +16,8 @@ struct Network {
   bool contains(std::uint32_t client) const { return (client & mask) == (address & mask); }
 };
 
-/// Whether `text` is an address in dotted decimal, with a prefix length ("/24", at least 1) or without, as told.
+/// Whether `text` is an address in dotted decimal, with a prefix length ("/24", at least 1) if `with_prefix`, else
+/// without.
 bool is_ipv4(const std::string& text, bool with_prefix);
 
 /// Whether the client is on the list; everybody is on an empty list.

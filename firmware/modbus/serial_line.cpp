@@ -47,7 +47,7 @@ bool has_correct_checksum(std::span<const std::uint8_t> frame) {
   return checksum(body) == (frame[body.size()] | frame[body.size() + 1] << 8);
 }
 
-/// The length of the request that begins with these bytes; 0 if it cannot be told (yet).
+/// The length of the request that begins with these bytes; 0 if it is not known (yet).
 std::size_t request_length(std::span<const std::uint8_t> begin) {
   const auto counted = [&](std::size_t count_at) {
     return begin.size() > count_at ? count_at + 1 + begin[count_at] + kChecksum : 0;

@@ -32,7 +32,7 @@ std::string label_of(const NamedValue& value);
 /// "0 none, 1 zero (...), 2 save (...)".
 std::string values_text(const RegisterRow& row);
 
-/// All that there is to say of a row in one line: description, bits or codes, meaning of the invalid value.
+/// A row in one line of prose: description, bits or codes, meaning of the invalid value.
 std::string full_description(const RegisterRow& row);
 
 }  // namespace finsight::host

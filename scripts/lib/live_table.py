@@ -46,15 +46,16 @@ def percentile(values, share):
 def show(block, point, truth):
     true_point, true_force, motion = truth
     valid = block.has("touch_valid")
+    status = block.status_text.replace("top plate seen, middle plate seen, low plate seen", "all plates seen")
     read_point = "{:7.2f} {:7.2f} {:7.2f}".format(*point) if valid else "      -       -       -"
     print("{:6d}  {}  {:5.2f}  {:5.2f}  {:4d}   {:7.2f} {:7.2f} {:7.2f}  {}  {:5.1f}   {}".format(
         block.frame, read_point, block.radius_mm if valid else math.nan,
         block.force_n if valid else math.nan, block.deformation_permille, *true_point,
-        "  -  " if true_force is None else f"{true_force:5.2f}", motion, block.status_text), flush=True)
+        "  -  " if true_force is None else f"{true_force:5.2f}", motion, status), flush=True)
 
 
 def watch(reader, truth, seconds, of_pen):
-    """Reads every new frame and prints four of them a second.
+    """Reads every new frame and prints four a second.
 
     Returns (error_mm, motion_mm, is inside the published radius) of every touch, ages and latencies in ms, the number
     of frames read and the number of them with a valid touch.

@@ -4,7 +4,7 @@ no heartbeat is missed and that nothing old looks fresh, and measures the time f
 read its result.
 
 usage: soak.py FINSIGHTD PACK SESSION [--seconds N] [--clients N] [--json FILE]
-20 seconds and 8 clients at 50 requests per second unless told otherwise. exit code 1: failed
+20 seconds and 8 clients by default, each with 50 requests per second. exit code 1: failed
 """
 import argparse
 import importlib.machinery

@@ -81,7 +81,7 @@ TEST_CASE("control: a command starts when its number is written, and only once")
   CHECK(client.read(1001) == 1);
 }
 
-TEST_CASE("control: while one client's command runs, the other client is told busy") {
+TEST_CASE("control: while one client's command runs, the other client's writes get busy") {
   Control control;
   Client first(control, 1), second(control, 2);
   first.write(1004, {kDefaultWriteKey});

@@ -23,7 +23,7 @@ std::string stored(const std::string& name) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-bool says(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 std::string without(const std::string& text, const std::string& pattern) {
   return std::regex_replace(text, std::regex(pattern), "");
@@ -84,7 +84,7 @@ TEST_CASE("plc files: the CSV file has one line per register, without gap or ove
   while (std::getline(csv, line)) {
     CAPTURE(line);
     if (next == kMeasurementRegisters) next = kControlAddress;
-    const bool is_wide = says(line, ",uint32,") || says(line, ",float32,");
+    const bool is_wide = contains(line, ",uint32,") || contains(line, ",float32,");
     CHECK(line.substr(0, line.find(',')) == std::to_string(next));
     CHECK(line.ends_with("\r"));
     CHECK(std::count(line.begin(), line.end(), '"') == 2);
@@ -94,37 +94,37 @@ TEST_CASE("plc files: the CSV file has one line per register, without gap or ove
     next += is_wide ? 2 : 1;
   }
   CHECK(next == kControlAddress + kControlRegisters);
-  CHECK(says(registers_csv(), "5,touch_x,int16,0.01,mm,read,,,,\""));
-  CHECK(says(registers_csv(), "1016,hold_time,uint16,1,ms,read/write,0,10000,200,\""));
-  CHECK(says(registers_csv(), "-32768: not valid\",-32768,\r\n"));
-  CHECK(says(registers_csv(), "\",,0=contact;1=gentle;2=overload\r\n"));
+  CHECK(contains(registers_csv(), "5,touch_x,int16,0.01,mm,read,,,,\""));
+  CHECK(contains(registers_csv(), "1016,hold_time,uint16,1,ms,read/write,0,10000,200,\""));
+  CHECK(contains(registers_csv(), "-32768: not valid\",-32768,\r\n"));
+  CHECK(contains(registers_csv(), "\",,0=contact;1=gentle;2=overload\r\n"));
 }
 
 TEST_CASE("plc files: finsightctl and Node-RED know names, limits and invalid values") {
   const std::string ctl = finsightctl_table(), flow = node_red_flow();
-  CHECK(says(ctl, "13: \"camera_moved\"}),"));
-  CHECK(says(ctl, "Row(5, \"touch_x\", \"int16\", 0.01, \"mm\", True, None, {}),"));
-  CHECK(says(ctl, "Row(1016, \"hold_time\", \"uint16\", 1, \"ms\", False, (0, 10000), {}),"));
-  CHECK_FALSE(says(ctl, "13: \"over_temperature\""));
-  CHECK(says(flow, "touch_x_mm: w[5] === 0x8000 ? null : signed(w[5]) / 100,"));
-  CHECK(says(flow, "overload: bit(0, 14),"));
-  CHECK(says(flow, "\"adr\": \"1004\""));
-  CHECK_FALSE(says(flow, "$"));
+  CHECK(contains(ctl, "13: \"camera_moved\"}),"));
+  CHECK(contains(ctl, "Row(5, \"touch_x\", \"int16\", 0.01, \"mm\", True, None, {}),"));
+  CHECK(contains(ctl, "Row(1016, \"hold_time\", \"uint16\", 1, \"ms\", False, (0, 10000), {}),"));
+  CHECK_FALSE(contains(ctl, "13: \"over_temperature\""));
+  CHECK(contains(flow, "touch_x_mm: w[5] === 0x8000 ? null : signed(w[5]) / 100,"));
+  CHECK(contains(flow, "overload: bit(0, 14),"));
+  CHECK(contains(flow, "\"adr\": \"1004\""));
+  CHECK_FALSE(contains(flow, "$"));
 }
 
 TEST_CASE("plc files: a PLC's code scales and checks every kind of value") {
   const std::string st = structured_text(), scl = siemens_scl();
-  CHECK(says(st, "  contact := (words[0] AND WORD#16#4) <> WORD#16#0;"));
-  CHECK(says(st, "  any_fault := (words[0] AND WORD#16#8000) <> WORD#16#0;"));
-  CHECK(says(st, "  limits_gentle := (words[44] AND WORD#16#2) <> WORD#16#0;"));
-  CHECK(says(st, "  touch_x_valid := words[5] <> WORD#16#8000;"));
-  CHECK(says(st, "touch_x_mm := INT_TO_REAL(WORD_TO_INT(words[5])) * 0.01;"));
-  CHECK(says(st, "  force_valid := words[9] <> WORD#16#FFFF;"));
-  CHECK(says(st, "force_n := UINT_TO_REAL(WORD_TO_UINT(words[9])) * 0.01;"));
-  CHECK(says(st, "temperature_real_degc := FC_FinsightReal(pair_30);"));
-  CHECK(says(st, "frame_counter := DWORD_TO_UDINT(pair_32);"));
-  CHECK(says(scl, "#values.touch_x_mm := INT_TO_REAL(WORD_TO_INT(#words[5])) * 0.01;"));
-  CHECK(says(scl, "#pair_20 := SHL(IN := WORD_TO_DWORD(#words[20]), N := 16) OR WORD_TO_DWORD(#words[21]);"));
+  CHECK(contains(st, "  contact := (words[0] AND WORD#16#4) <> WORD#16#0;"));
+  CHECK(contains(st, "  any_fault := (words[0] AND WORD#16#8000) <> WORD#16#0;"));
+  CHECK(contains(st, "  limits_gentle := (words[44] AND WORD#16#2) <> WORD#16#0;"));
+  CHECK(contains(st, "  touch_x_valid := words[5] <> WORD#16#8000;"));
+  CHECK(contains(st, "touch_x_mm := INT_TO_REAL(WORD_TO_INT(words[5])) * 0.01;"));
+  CHECK(contains(st, "  force_valid := words[9] <> WORD#16#FFFF;"));
+  CHECK(contains(st, "force_n := UINT_TO_REAL(WORD_TO_UINT(words[9])) * 0.01;"));
+  CHECK(contains(st, "temperature_real_degc := FC_FinsightReal(pair_30);"));
+  CHECK(contains(st, "frame_counter := DWORD_TO_UDINT(pair_32);"));
+  CHECK(contains(scl, "#values.touch_x_mm := INT_TO_REAL(WORD_TO_INT(#words[5])) * 0.01;"));
+  CHECK(contains(scl, "#pair_20 := SHL(IN := WORD_TO_DWORD(#words[20]), N := 16) OR WORD_TO_DWORD(#words[21]);"));
 }
 
 TEST_CASE("plc files: what is declared is assigned, once") {
@@ -138,7 +138,7 @@ TEST_CASE("plc files: what is declared is assigned, once") {
     const std::string name = line.substr(2, line.find(" :") - 2);
     CAPTURE(name);
     CHECK(std::ranges::find(seen, name) == seen.end());
-    CHECK(says(st.substr(end), " " + name + " := "));
+    CHECK(contains(st.substr(end), " " + name + " := "));
     seen.push_back(name);
   }
   CHECK(outputs > 60);
