@@ -36,7 +36,7 @@ struct Recorder::Session {
   Session(const std::filesystem::path& parent, const SessionInfo& session)
       : folder(new_folder(parent)),
         info(session),
-        images(folder / kSessionFrames, info.width_px, info.height_px, info.frames_per_second),
+        images(folder / kSessionFrames, info.lens.width_px, info.lens.height_px, info.frames_per_second),
         registers(folder / "registers.csv") {
     registers.write("frame," + csv_names_of_registers() + "\n");
   }
@@ -72,7 +72,7 @@ struct Recorder::Session {
 };
 
 Recorder::Recorder(std::filesystem::path folder, const SessionInfo& info) : folder_(std::move(folder)), info_(info) {
-  for (Slot& slot : slots_) slot.grey.resize(static_cast<std::size_t>(info.width_px) * info.height_px);
+  for (Slot& slot : slots_) slot.grey.resize(static_cast<std::size_t>(info.lens.width_px) * info.lens.height_px);
   thread_ = std::thread([this] { run(); });
 }
 
@@ -89,8 +89,8 @@ void Recorder::push_order(Order order) {
 }
 
 void Recorder::add(const Frame& frame, const RegisterImage& image) {
-  if (state_ != State::kRecording || !frame.grey || frame.width_px != info_.width_px ||
-      frame.height_px != info_.height_px) {
+  if (state_ != State::kRecording || !frame.grey || frame.width_px != info_.lens.width_px ||
+      frame.height_px != info_.lens.height_px) {
     return;
   }
   if (head_ - tail_ >= kSlots - kForOrders) {

@@ -15,7 +15,7 @@ std::unique_ptr<Camera> open_source(const Settings& settings);
 
 /// The lens of the source's images; nothing where plate poses take their place. Throws InputError for a session of
 /// markers other than the model's.
-std::optional<CameraModel> source_lens(const Settings& settings, const Model& model);
+std::optional<Lens> source_lens(const Settings& settings, const Model& model);
 
 /// What session.toml says of a recording of this source; nothing for a source without images.
 std::optional<SessionInfo> recording_info(const Settings& settings, const Model& model);

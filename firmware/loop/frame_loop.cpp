@@ -6,7 +6,7 @@
 
 namespace finsight {
 
-FrameLoop::FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings)
+FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, const LoopSettings& settings)
     : model_(model),
       shape_(model, settings.shape),
       touch_(model),

@@ -31,7 +31,7 @@ class FrameLoop {
  public:
   /// Without a camera only frames that carry recorded poses can be processed. Throws InputError for a camera model that
   /// cannot be one, and for a measured mount that cannot be this finger's.
-  FrameLoop(const Model& model, const std::optional<CameraModel>& camera, const LoopSettings& settings);
+  FrameLoop(const Model& model, const std::optional<Lens>& camera, const LoopSettings& settings);
 
   /// One frame through all stages: this function is the product.
   const RegisterImage& step(const Frame& frame);
@@ -59,8 +59,8 @@ class FrameLoop {
   const RegisterImage& publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch);
 
   struct Vision {
-    Vision(const MountModel& mount, const PlatePrior& prior, const CameraModel& camera)
-        : markers(mount, camera), poses(mount, prior, camera) {}
+    Vision(const MountModel& mount, const PlatePrior& prior, const Lens& lens)
+        : markers(mount, in_single_precision(lens)), poses(mount, prior, in_single_precision(lens)) {}
     MarkerStage markers;
     ImageCheck check;
     PoseStage poses;

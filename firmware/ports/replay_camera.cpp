@@ -88,8 +88,8 @@ class SessionCamera : public ReplayCamera {
       throw InputError((settings.path / kSessionFrames).string(), field, std::to_string(found),
                        std::to_string(expected) + " as in " + kSessionInfo);
     };
-    check("width", images_.width_px(), info.width_px);
-    check("height", images_.height_px(), info.height_px);
+    check("width", images_.width_px(), info.lens.width_px);
+    check("height", images_.height_px(), info.lens.height_px);
     check("frames per second", images_.frames_per_second(), info.frames_per_second);
     // The first frame now: a session without a whole frame is refused before the loop, and its memory is at hand.
     if (!images_.next(grey_)) throw InputError((settings.path / kSessionFrames).string(), "holds no frame");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <span>
 
 #include "firmware/input_error.h"
 #include "firmware/settings/toml_table.h"
@@ -12,6 +13,7 @@ namespace finsight {
 namespace {
 
 constexpr int kDictionarySize = 50;  // DICT_4X4_50
+constexpr int kPinholeNumbers = 4;   // of a lens; the others are its distortion
 
 /// The shortest text that reads back as the same number.
 std::string shortest(double value) {
@@ -19,8 +21,7 @@ std::string shortest(double value) {
   return {text, std::to_chars(text, text + sizeof text, value).ptr};
 }
 
-template <std::size_t N>
-std::string list(const std::array<double, N>& values) {
+std::string list(std::span<const double> values) {
   std::string text;
   for (const double value : values) text += (text.empty() ? "" : ", ") + shortest(value);
   return "[" + text + "]";
@@ -51,43 +52,47 @@ std::array<int, kPlates> read_marker_ids(TomlTable& markers) {
 
 }  // namespace
 
-void read_lens(TomlTable table, SessionInfo& info) {
-  const std::vector<double> pinhole = table.numbers("fx_fy_cx_cy", 4, -1e5, 1e5);
-  if (!(pinhole[0] > 0 && pinhole[1] > 0)) {
-    throw InputError(table.where("fx_fy_cx_cy"), "fx_fy_cx_cy", shortest(std::min(pinhole[0], pinhole[1])),
+Lens read_lens(TomlTable table, int width_px, int height_px) {
+  const std::vector<double> pinhole = table.numbers("fx_fy_cx_cy", kPinholeNumbers, -1e5, 1e5);
+  const std::vector<double> distortion = table.numbers("k1_k2_p1_p2_k3", kLensNumbers - kPinholeNumbers, -100, 100);
+  LensNumbers numbers;
+  std::copy(distortion.begin(), distortion.end(), std::copy(pinhole.begin(), pinhole.end(), numbers.begin()));
+  const Lens lens = make_lens(width_px, height_px, numbers);
+  if (!(lens.fx > 0 && lens.fy > 0)) {
+    throw InputError(table.where("fx_fy_cx_cy"), "fx_fy_cx_cy", shortest(std::min(lens.fx, lens.fy)),
                      "focal lengths above 0 pixels");
   }
-  if (!(pinhole[2] >= 0 && pinhole[2] < info.width_px && pinhole[3] >= 0 && pinhole[3] < info.height_px)) {
+  if (!(lens.cx >= 0 && lens.cx < width_px && lens.cy >= 0 && lens.cy < height_px)) {
     throw InputError(table.where("fx_fy_cx_cy"), "fx_fy_cx_cy",
-                     "an optical axis at (" + shortest(pinhole[2]) + ", " + shortest(pinhole[3]) + ") px",
+                     "an optical axis at (" + shortest(lens.cx) + ", " + shortest(lens.cy) + ") px",
                      "a point in the image");
   }
-  std::copy(pinhole.begin(), pinhole.end(), info.fx_fy_cx_cy.begin());
-  const std::vector<double> lens = table.numbers("k1_k2_p1_p2_k3", 5, -100, 100);
-  std::copy(lens.begin(), lens.end(), info.k1_k2_p1_p2_k3.begin());
   const auto check_side = [&](const char* key, int side_px) {
     if (!table.has(key) || table.integer(key, 1, Y4mReader::kMaxSide) == side_px) return;
     throw InputError(table.where(key), key, std::to_string(table.integer(key, 1, Y4mReader::kMaxSide)),
                      std::to_string(side_px) + ", the size of the images: a calibration holds for one size");
   };
-  check_side("width_px", info.width_px);
-  check_side("height_px", info.height_px);
+  check_side("width_px", width_px);
+  check_side("height_px", height_px);
   table.finish();
+  return lens;
 }
 
-std::string lens_toml(const SessionInfo& info) {
-  return "fx_fy_cx_cy = " + list(info.fx_fy_cx_cy) + "\nk1_k2_p1_p2_k3 = " + list(info.k1_k2_p1_p2_k3) + "\n";
+std::string lens_toml(const Lens& lens) {
+  const LensNumbers numbers = lens_numbers(lens);
+  const std::span<const double> all(numbers);
+  return "fx_fy_cx_cy = " + list(all.first(kPinholeNumbers)) +
+         "\nk1_k2_p1_p2_k3 = " + list(all.subspan(kPinholeNumbers)) + "\n";
 }
 
 SessionInfo read_session_info(const std::filesystem::path& folder) {
   TomlTable table = TomlTable::parse_file(folder / kSessionInfo);
   SessionInfo info;
   info.description = table.text("description", "");
-  info.width_px = static_cast<int>(table.integer("width_px", 1, Y4mReader::kMaxSide));
-  info.height_px = static_cast<int>(table.integer("height_px", 1, Y4mReader::kMaxSide));
+  const auto width_px = static_cast<int>(table.integer("width_px", 1, Y4mReader::kMaxSide));
+  const auto height_px = static_cast<int>(table.integer("height_px", 1, Y4mReader::kMaxSide));
   info.frames_per_second = table.number("frames_per_second", 1, 1000);
-
-  read_lens(table.table("camera"), info);
+  info.lens = read_lens(table.table("camera"), width_px, height_px);
 
   TomlTable markers = table.table("markers");
   info.marker_dictionary = markers.choice("dictionary", {"DICT_4X4_50"});
@@ -98,13 +103,24 @@ SessionInfo read_session_info(const std::filesystem::path& folder) {
   return info;
 }
 
+void check_markers(const SessionInfo& info, const std::filesystem::path& folder,
+                   const std::array<int, kPlates>& marker_id, double marker_size_mm, const std::string& finger) {
+  const std::string file = (folder / kSessionInfo).string();
+  if (info.marker_id != marker_id) throw InputError(file, "marker ids are not those of " + finger);
+  if (std::abs(info.marker_size_mm - marker_size_mm) > 0.001 * marker_size_mm) {
+    throw InputError(file, "markers.size_mm", shortest(info.marker_size_mm),
+                     shortest(marker_size_mm) + " as in " + finger);
+  }
+}
+
 std::string session_info_toml(const SessionInfo& info) {
   const auto id = [&](int plate) { return std::to_string(info.marker_id[plate]); };
-  return "description = " + quoted(info.description) + "\nwidth_px = " + std::to_string(info.width_px) +
-         "\nheight_px = " + std::to_string(info.height_px) +
+  return "description = " + quoted(info.description) + "\nwidth_px = " + std::to_string(info.lens.width_px) +
+         "\nheight_px = " + std::to_string(info.lens.height_px) +
          "\nframes_per_second = " + shortest(info.frames_per_second) + "\n\n[camera]  # pixels; OpenCV's convention\n" +
-         lens_toml(info) + "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) +
-         "\nid = [" + id(kTopPlate) + ", " + id(kMiddlePlate) + ", " + id(kLowPlate) +
+         lens_toml(info.lens) +
+         "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) + "\nid = [" +
+         id(kTopPlate) + ", " + id(kMiddlePlate) + ", " + id(kLowPlate) +
          "]\nsize_mm = " + shortest(info.marker_size_mm) + "\n";
 }
 

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "firmware/geometry/lens.h"
 #include "firmware/settings/atomic_file.h"
 #include "firmware/settings/toml_table.h"
 #include "firmware/types.h"
@@ -23,22 +24,23 @@ inline constexpr const char* kSessionTruth = "truth.csv";
 
 /// session.toml: everything about the images that the images do not say themselves.
 struct SessionInfo {
-  int width_px = 0, height_px = 0;
+  Lens lens;  ///< and the images' size
   double frames_per_second = 0;
-  std::array<double, 4> fx_fy_cx_cy{};     ///< pixels
-  std::array<double, 5> k1_k2_p1_p2_k3{};  ///< Brown-Conrady, OpenCV's convention
-  std::string marker_dictionary;           ///< "DICT_4X4_50"
-  std::array<int, kPlates> marker_id{};    ///< top, middle, low
-  double marker_size_mm = 0;               ///< side of the black square
-  std::string description;                 ///< what was recorded
+  std::string marker_dictionary;         ///< "DICT_4X4_50"
+  std::array<int, kPlates> marker_id{};  ///< top, middle, low
+  double marker_size_mm = 0;             ///< side of the black square
+  std::string description;               ///< what was recorded
 };
-/// The lens: keys fx_fy_cx_cy and k1_k2_p1_p2_k3 of a table, the same in session.toml, in a board file, and in a file
-/// of its own. width_px and height_px may stand beside them; they must then be those of `info`. Strict.
-void read_lens(TomlTable table, SessionInfo& info);
+/// The lens of images of this size: keys fx_fy_cx_cy and k1_k2_p1_p2_k3 of a table, the same in session.toml, in a
+/// board file, and in a file of its own. Strict; width_px and height_px may stand beside them if they are the images'.
+Lens read_lens(TomlTable table, int width_px, int height_px);
 /// The lines that read_lens() reads, without the size.
-std::string lens_toml(const SessionInfo& info);
-/// Strict: unknown keys, wrong types, numbers that cannot be a camera or repeated marker ids throw InputError.
+std::string lens_toml(const Lens& lens);
+/// Strict: unknown keys, wrong types, numbers that cannot be a lens or repeated marker ids throw InputError.
 SessionInfo read_session_info(const std::filesystem::path& folder);
+/// Throws InputError unless the session shows the markers of this finger (`finger` is its name in the message).
+void check_markers(const SessionInfo& info, const std::filesystem::path& folder,
+                   const std::array<int, kPlates>& marker_id, double marker_size_mm, const std::string& finger);
 /// The text of session.toml; read_session_info() gives the same numbers back, to the last bit.
 std::string session_info_toml(const SessionInfo& info);
 

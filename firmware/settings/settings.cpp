@@ -27,15 +27,11 @@ void read_live(TomlTable& table, Settings& settings) {
   if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
   if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);
   live.stall_ms = static_cast<int>(table.integer("stall_ms", 50, 60'000, 500));
-  SessionInfo image;
-  image.width_px = live.width_px;
-  image.height_px = live.height_px;
   TomlTable lens = table.table_or_file("lens");
   const std::string where = lens.where();
-  read_lens(std::move(lens), image);
-  settings.lens = camera_of(image);
+  settings.lens = read_lens(std::move(lens), live.width_px, live.height_px);
   try {
-    check_camera(settings.lens);
+    check_lens(settings.lens);
   } catch (const InputError& error) {
     throw InputError(where, error.what());
   }
@@ -268,14 +264,6 @@ Settings read_usable_settings(const SettingsFiles& files) {
   });
   read_usable(files, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
   return settings;
-}
-
-CameraModel camera_of(const SessionInfo& session) {
-  const auto f = [](double value) { return static_cast<float>(value); };
-  const auto& c = session.fx_fy_cx_cy;
-  const auto& k = session.k1_k2_p1_p2_k3;
-  return {session.width_px, session.height_px, f(c[0]), f(c[1]), f(c[2]), f(c[3]),
-          f(k[0]),          f(k[1]),           f(k[2]), f(k[3]), f(k[4])};
 }
 
 }  // namespace finsight

@@ -32,7 +32,7 @@ struct Settings {
   enum class Source { kSession, kPoses, kCamera } source = Source::kSession;
   ReplaySettings replay;      ///< of a session or poses
   LiveCameraSettings camera;  ///< of a camera
-  CameraModel lens;           ///< of a camera; a session brings its own
+  Lens lens;                  ///< of a camera; a session brings its own
   std::optional<GpioSettings> gpio;
   std::optional<MeasuredMount> mount;  ///< of this device; the model's if it was not measured
   LoopSettings loop;                   ///< its runtime settings are the factory settings
@@ -72,8 +72,5 @@ NetworkSettings read_network_settings(const SettingsFiles& files);
 /// board file's; where that is not valid either, the default (Modbus on 0.0.0.0:502, nothing saved, no outputs). Never
 /// throws InputError.
 Settings read_usable_settings(const SettingsFiles& files);
-
-/// The intrinsics that a session was recorded with, as the vision stages want them.
-CameraModel camera_of(const SessionInfo& session);
 
 }  // namespace finsight

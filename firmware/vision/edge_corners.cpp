@@ -73,8 +73,8 @@ float reach_across(const std::array<Vec2f, 4>& corners, std::size_t k) {
 
 /// Follows the edge from ray a to ray b. Profiles are centred on the image of the straight line between them, which
 /// the lens bends; what they find is small enough to be taken back along the slope of the projection.
-void find_edge_points(const ImageView& image, const CameraModel& camera, const Vector2d& a, const Vector2d& b,
-                      float reach_px, EdgePoints& points) {
+void find_edge_points(const ImageView& image, const Lens& camera, const Vector2d& a, const Vector2d& b, float reach_px,
+                      EdgePoints& points) {
   points.count = 0;
   if (!(reach_px > kStepPx)) return;
   const int steps = static_cast<int>(std::ceil(reach_px / kStepPx));
@@ -142,7 +142,7 @@ Vector2d crossing(const Line& first, const Line& second) {
 
 }  // namespace
 
-bool refine_corners(const ImageView& image, const CameraModel& camera, std::array<Vec2f, 4>& corners_px) {
+bool refine_corners(const ImageView& image, const Lens& camera, std::array<Vec2f, 4>& corners_px) {
   const double px = 1.0 / camera.fx;  // a pixel's size in the plane of the rays
   std::array<Vec2f, 4> corners = corners_px;
   std::array<Vector2d, 4> rays;

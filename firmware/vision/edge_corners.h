@@ -14,6 +14,6 @@ namespace finsight {
 /// come back in distorted pixels. Clockwise order. False, with `corners_px` unchanged, if an edge cannot be followed
 /// over half its length, is not straight, or a corner ends up elsewhere. About 60 us for an edge of 50 pixels; never
 /// allocates.
-bool refine_corners(const ImageView& image, const CameraModel& camera, std::array<Vec2f, 4>& corners_px);
+bool refine_corners(const ImageView& image, const Lens& camera, std::array<Vec2f, 4>& corners_px);
 
 }  // namespace finsight

@@ -44,20 +44,19 @@ void check_mount(const MountModel& mount) {
 }
 
 /// Length of the marker's side in the image when nothing touches the finger, seen face-on.
-float side_at_rest_px(const MountModel& mount, const CameraModel& camera, std::size_t plate) {
+float side_at_rest_px(const MountModel& mount, const Lens& camera, std::size_t plate) {
   const Vec3f centre = mount.T_finger_camera.inverse() * mount.T_finger_marker[plate].translation();
   if (!(centre.z() > mount.marker_size_mm) || !centre.allFinite()) {
     throw InputError("mount", "T_finger_marker[" + std::to_string(plate) + "]",
                      std::to_string(centre.z()) + " mm before the camera", "more than the marker's size");
   }
-  return mount.marker_size_mm * camera.fx / centre.norm();
+  return mount.marker_size_mm * static_cast<float>(camera.fx) / centre.norm();
 }
 
 }  // namespace
 
-MarkerStage::MarkerStage(const MountModel& mount, const CameraModel& camera)
-    : camera_(camera), marker_id_(mount.marker_id) {
-  check_camera(camera);
+MarkerStage::MarkerStage(const MountModel& mount, const Lens& camera) : camera_(camera), marker_id_(mount.marker_id) {
+  check_lens(camera);
   check_mount(mount);
   std::array<float, kPlates> side_px;
   for (std::size_t p = 0; p < kPlates; ++p) side_px[p] = side_at_rest_px(mount, camera, p);

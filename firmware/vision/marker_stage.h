@@ -14,8 +14,8 @@ class MarkerStage {
  public:
   /// Throws InputError for a camera that cannot be one, for marker ids that DICT_4X4_50 does not have or that are not
   /// all different, and for markers that are not in front of the camera at rest.
-  MarkerStage(const MountModel& mount, const CameraModel& camera);
-  MarkerStage(const Model& model, const CameraModel& camera) : MarkerStage(model.mount, camera) {}
+  MarkerStage(const MountModel& mount, const Lens& camera);
+  MarkerStage(const Model& model, const Lens& camera) : MarkerStage(model.mount, camera) {}
 
   /// Markers not found, found at two places, with edges that are not straight, or with another code when read at full
   /// size are not seen; neither is any in a frame without an image or of another size than the camera's. Allocates
@@ -27,7 +27,7 @@ class MarkerStage {
   void search(const ImageView& image);
   bool take(const ImageView& image, const std::vector<FoundMarker>& found, const Vec2f& offset, std::size_t plate);
 
-  CameraModel camera_;
+  Lens camera_;
   std::array<int, kPlates> marker_id_;
   SideLimits sides_;
   int shrink_ = 1;  ///< how much smaller the whole image is searched

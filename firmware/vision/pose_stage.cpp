@@ -13,14 +13,14 @@ constexpr double kFarthestSigmas = 6;  // from the prior with its slack
 // From IPPE's pose Gauss-Newton converges quadratically: after five steps the numbers stand still to 1e-9.
 constexpr int kSteps = 5;
 
-const CameraModel& checked(const CameraModel& camera) {
-  check_camera(camera);
+const Lens& checked(const Lens& camera) {
+  check_lens(camera);
   return camera;
 }
 
 }  // namespace
 
-PoseStage::PoseStage(const MountModel& mount, const PlatePrior& prior, const CameraModel& camera, PoseMethod method)
+PoseStage::PoseStage(const MountModel& mount, const PlatePrior& prior, const Lens& camera, PoseMethod method)
     : camera_(checked(camera)),
       marker_size_mm_(mount.marker_size_mm),
       prior_(prior),

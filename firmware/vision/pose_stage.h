@@ -17,9 +17,9 @@ enum class PoseMethod : std::uint8_t {
 class PoseStage {
  public:
   /// Throws InputError for a camera that cannot be one and for a prior that is not a positive definite Gaussian.
-  PoseStage(const MountModel& mount, const PlatePrior& prior, const CameraModel& camera,
+  PoseStage(const MountModel& mount, const PlatePrior& prior, const Lens& camera,
             PoseMethod method = PoseMethod::kJoint);
-  PoseStage(const Model& model, const CameraModel& camera) : PoseStage(model.mount, model.prior, camera) {}
+  PoseStage(const Model& model, const Lens& camera) : PoseStage(model.mount, model.prior, camera) {}
 
   /// Motions of all plates. A marker is not seen, whatever `corners` says, if no square in front of the camera explains
   /// its corners to 3 pixels or its plate were far from where touched fingers' plates are; plates that are not seen are
@@ -36,7 +36,7 @@ class PoseStage {
   Numbers estimate_one_by_one() const;
   bool drop_worst(const Numbers& numbers);
 
-  CameraModel camera_;
+  Lens camera_;
   float marker_size_mm_;
   PlatePrior prior_;
   PlateEstimator estimator_;

@@ -41,13 +41,15 @@ std::string view_table(const std::vector<BoardView>& views) {
   return table;
 }
 
-std::string calibration_text(const LensCalibration& lens, const Coverage& coverage) {
-  std::string out = text("%zu views of %dx%d pixels, %zu corners, %.3f pixels from the model (RMS)\n", lens.views,
-                         lens.width_px, lens.height_px, lens.corners, lens.rms_px);
+std::string calibration_text(const LensCalibration& calibration, const Coverage& coverage) {
+  std::string out =
+      text("%zu views of %dx%d pixels, %zu corners, %.3f pixels from the model (RMS)\n", calibration.views,
+           calibration.lens.width_px, calibration.lens.height_px, calibration.corners, calibration.rms_px);
+  const LensNumbers numbers = lens_numbers(calibration.lens);
   out += "          value   std. dev.\n";
   for (std::size_t i = 0; i < kLensNumbers; ++i) {
     const char* format = i < 4 ? "%s %12.3f %11.3f px\n" : "%s %12.5f %11.5f\n";
-    out += text(format, kLensNames[i], lens.value[i], lens.sigma[i]);
+    out += text(format, kLensNames[i], numbers[i], calibration.sigma[i]);
   }
   out += "views in every ninth of the image:\n";
   for (std::size_t row = 0; row < 3; ++row) {
@@ -69,25 +71,26 @@ std::string calibration_text(const LensCalibration& lens, const Coverage& covera
   return out;
 }
 
-std::string lens_file(const LensCalibration& lens, const std::string& source) {
-  SessionInfo info;
-  for (std::size_t i = 0; i < 4; ++i) info.fx_fy_cx_cy[i] = rounded(lens.value[i], i);
-  for (std::size_t i = 4; i < kLensNumbers; ++i) info.k1_k2_p1_p2_k3[i - 4] = rounded(lens.value[i], i);
-  const auto& s = lens.sigma;
+std::string lens_file(const LensCalibration& calibration, const std::string& source) {
+  LensNumbers numbers = lens_numbers(calibration.lens);
+  for (std::size_t i = 0; i < kLensNumbers; ++i) numbers[i] = rounded(numbers[i], i);
+  const Lens lens = make_lens(calibration.lens.width_px, calibration.lens.height_px, numbers);
+  const LensNumbers& s = calibration.sigma;
   std::string printable = source;  // a comment ends with its line
   std::replace_if(
       printable.begin(), printable.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
   std::string toml = "# The lens, made by hostgen calibrate from " + printable + "\n";
-  toml += text("# %zu views, %zu corners, %.3f pixels from the model (RMS). Standard deviations:\n", lens.views,
-               lens.corners, lens.rms_px);
+  toml += text("# %zu views, %zu corners, %.3f pixels from the model (RMS). Standard deviations:\n", calibration.views,
+               calibration.corners, calibration.rms_px);
   toml += text("# fx %.3f, fy %.3f, cx %.3f, cy %.3f pixels; k1 %.5f, k2 %.5f, p1 %.5f, p2 %.5f, k3 %.5f\n", s[0], s[1],
                s[2], s[3], s[4], s[5], s[6], s[7], s[8]);
   toml += "# In a board file: lens = \"this file\" under [source], or these lines under [source.lens].\n";
-  return toml + text("width_px = %d\nheight_px = %d\n", lens.width_px, lens.height_px) + lens_toml(info);
+  return toml + text("width_px = %d\nheight_px = %d\n", lens.width_px, lens.height_px) + lens_toml(lens);
 }
 
-void plot_calibration(const LensCalibration& lens, const std::vector<BoardView>& views,
+void plot_calibration(const LensCalibration& calibration, const std::vector<BoardView>& views,
                       const std::filesystem::path& svg) {
+  const Lens& lens = calibration.lens;
   Gnuplot plot(svg);
   plot.line("$corners << E");
   for (const BoardView& view : views) {
@@ -99,7 +102,8 @@ void plot_calibration(const LensCalibration& lens, const std::vector<BoardView>&
     }
   }
   plot.line("E");
-  plot.line(text("set title 'Corners of %zu views; lines: distance from the model, %d times'", lens.views, kPlotScale));
+  plot.line(text("set title 'Corners of %zu views; lines: distance from the model, %d times'", calibration.views,
+                 kPlotScale));
   plot.line(text("set xrange [0:%d]; set yrange [%d:0]; set size ratio -1; set grid", lens.width_px, lens.height_px));
   plot.line(text("set xtics %g; set ytics %g; set format '%%.0f'", lens.width_px / 3.0, lens.height_px / 3.0));
   plot.line("plot $corners with vectors nohead lc 1 title '', $corners with points pt 7 ps 0.25 lc 2 title ''");

@@ -12,15 +12,15 @@ namespace finsight::host {
 std::string view_table(const std::vector<BoardView>& views);
 
 /// The numbers with their standard deviations, the coverage, and the advice.
-std::string calibration_text(const LensCalibration& lens, const Coverage& coverage);
+std::string calibration_text(const LensCalibration& calibration, const Coverage& coverage);
 
 /// What a board file's key `lens` names (firmware/ports/session.h, read_lens()), with comments. `source`: of the
 /// images.
-std::string lens_file(const LensCalibration& lens, const std::string& source);
+std::string lens_file(const LensCalibration& calibration, const std::string& source);
 
 /// All corners in the image and how far they are from the model, `kPlotScale` times as long. Throws
 /// std::runtime_error without gnuplot.
-void plot_calibration(const LensCalibration& lens, const std::vector<BoardView>& views,
+void plot_calibration(const LensCalibration& calibration, const std::vector<BoardView>& views,
                       const std::filesystem::path& svg);
 inline constexpr int kPlotScale = 200;
 

@@ -45,22 +45,21 @@ Fit fit(const CharucoBoard& board, const std::vector<BoardView*>& views) {
 }
 
 LensCalibration numbers_of(const Fit& found, const std::vector<BoardView*>& views) {
-  LensCalibration lens;
-  lens.width_px = views[0]->width_px;
-  lens.height_px = views[0]->height_px;
-  const cv::Mat& m = found.matrix;
-  lens.value = {m.at<double>(0, 0), m.at<double>(1, 1), m.at<double>(0, 2), m.at<double>(1, 2)};
-  for (int i = 0; i < 5; ++i) lens.value[static_cast<std::size_t>(4 + i)] = found.distortion.at<double>(i);
-  for (int i = 0; i < kLensNumbers; ++i) lens.sigma[static_cast<std::size_t>(i)] = found.sigma.at<double>(i);
-  lens.views = views.size();
-  return lens;
+  const cv::Mat &m = found.matrix, &d = found.distortion;
+  LensCalibration calibration;
+  calibration.lens = {views[0]->width_px, views[0]->height_px, m.at<double>(0, 0), m.at<double>(1, 1),
+                      m.at<double>(0, 2), m.at<double>(1, 2),  d.at<double>(0),    d.at<double>(1),
+                      d.at<double>(2),    d.at<double>(3),     d.at<double>(4)};
+  for (int i = 0; i < kLensNumbers; ++i) calibration.sigma[static_cast<std::size_t>(i)] = found.sigma.at<double>(i);
+  calibration.views = views.size();
+  return calibration;
 }
 
 /// Poses and residuals of the views, and from them the lens's.
 void add_residuals(const CharucoBoard& board, const Fit& found, const std::vector<BoardView*>& views,
-                   LensCalibration& lens) {
+                   LensCalibration& calibration) {
   double sum = 0;
-  lens.corners = 0;
+  calibration.corners = 0;
   for (std::size_t v = 0; v < views.size(); ++v) {
     BoardView& view = *views[v];
     std::vector<cv::Point3d> places;
@@ -76,7 +75,7 @@ void add_residuals(const CharucoBoard& board, const Fit& found, const std::vecto
     }
     view.rms_px = std::sqrt(view_sum / static_cast<double>(pixels.size()));
     sum += view_sum;
-    lens.corners += pixels.size();
+    calibration.corners += pixels.size();
     cv::Matx33d turn;
     cv::Rodrigues(found.turns[v], turn);
     for (int i = 0; i < 3; ++i) {
@@ -84,7 +83,7 @@ void add_residuals(const CharucoBoard& board, const Fit& found, const std::vecto
       view.T_camera_board.translation()[i] = found.shifts[v].at<double>(i);
     }
   }
-  lens.rms_px = std::sqrt(sum / static_cast<double>(lens.corners));
+  calibration.rms_px = std::sqrt(sum / static_cast<double>(calibration.corners));
 }
 
 /// Single corners that glare, dirt or the lens's edge spoilt are taken out of their views.
@@ -127,22 +126,22 @@ bool reject_worst(const std::vector<BoardView*>& views) {
 }
 
 /// A lens that views do not determine comes out of the fit as numbers all the same.
-void check_determined(const LensCalibration& lens, const std::string& name) {
-  const auto& [value, sigma] = std::pair(lens.value, lens.sigma);
+void check_determined(const LensCalibration& calibration, const std::string& name) {
+  const auto& [lens, sigma, rms_px, views, corners] = calibration;
   try {
-    check_camera(lens.camera());
+    check_lens(lens);
   } catch (const InputError& error) {
     throw InputError(name, std::string("the views do not determine a lens: ") + error.what() +
                                "; show the board larger, and tilted to all sides");
   }
-  if (lens.rms_px > kFarthestShare * lens.width_px) {
+  if (rms_px > kFarthestShare * lens.width_px) {
     char off[64];
-    std::snprintf(off, sizeof off, "%.2f pixels from the best lens (RMS)", lens.rms_px);
+    std::snprintf(off, sizeof off, "%.2f pixels from the best lens (RMS)", rms_px);
     throw InputError(name, "corners", off,
                      "at most 1/640 of the image's width: is it the board of --squares, flat, and one lens that stayed "
                      "as it was?");
   }
-  const double largest = *std::max_element(sigma.begin(), sigma.begin() + 4) / value[0];
+  const double largest = *std::max_element(sigma.begin(), sigma.begin() + 4) / lens.fx;
   if (largest <= kUndetermined) return;
   char found[64];
   std::snprintf(found, sizeof found, "uncertain by %.1f %% of fx", 100 * largest);
@@ -170,11 +169,6 @@ constexpr int kWanted = 2;  // views in every ninth, and of every tilt
 
 }  // namespace
 
-CameraModel LensCalibration::camera() const {
-  const auto f = [&](std::size_t i) { return static_cast<float>(value[i]); };
-  return {width_px, height_px, f(0), f(1), f(2), f(3), f(4), f(5), f(6), f(7), f(8)};
-}
-
 LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name) {
   for (;;) {
     if (interrupted()) throw Interrupted();
@@ -183,26 +177,27 @@ LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>
       throw InputError(name, "usable images", std::to_string(used.size()) + " of " + std::to_string(views.size()),
                        "at least " + std::to_string(kMinViews));
     }
-    LensCalibration lens;
+    LensCalibration calibration;
     try {
       const Fit found = fit(board, used);
-      lens = numbers_of(found, used);
-      add_residuals(board, found, used, lens);
+      calibration = numbers_of(found, used);
+      add_residuals(board, found, used, calibration);
     } catch (const cv::Exception& error) {
       throw InputError(name, "the views do not determine a lens: " + error.err);
     }
     if (drop_outlier_corners(used) || reject_worst(used)) continue;
-    check_determined(lens, name);
+    check_determined(calibration, name);
     // Of a board that is never tilted, focal length and distance cannot be told apart, however small the deviation.
-    const Coverage coverage = coverage_of(lens, views);
+    const Coverage coverage = coverage_of(calibration, views);
     if (std::count(coverage.tilted.begin(), coverage.tilted.end(), 0) == 4) {
       throw InputError(name, "tilted views", "none by 12 degrees", "some: show the board tilted to all sides");
     }
-    return lens;
+    return calibration;
   }
 }
 
-Coverage coverage_of(const LensCalibration& lens, std::vector<BoardView>& views) {
+Coverage coverage_of(const LensCalibration& calibration, std::vector<BoardView>& views) {
+  const Lens& lens = calibration.lens;
   Coverage coverage;
   for (const BoardView* view : used_views(views)) {
     std::array<int, 9> corners{};
@@ -215,10 +210,9 @@ Coverage coverage_of(const LensCalibration& lens, std::vector<BoardView>& views)
     const int side = nearer_side(view->T_camera_board);
     if (side >= 0) ++coverage.tilted[static_cast<std::size_t>(side)];
   }
-  const CameraModel camera = lens.camera();
   for (const std::size_t ninth : {0U, 2U, 6U, 8U}) {
     const Eigen::Vector2d corner(ninth % 3 == 0 ? 0 : lens.width_px - 1, ninth < 3 ? 0 : lens.height_px - 1);
-    if (!ray_from_pixel(camera, corner).allFinite()) coverage.no_lens.push_back(kNinths[ninth]);
+    if (!ray_from_pixel(lens, corner).allFinite()) coverage.no_lens.push_back(kNinths[ninth]);
   }
   return coverage;
 }

@@ -10,18 +10,11 @@
 
 namespace finsight::host {
 
-inline constexpr int kLensNumbers = 9;
-inline constexpr std::array<const char*, kLensNumbers> kLensNames = {"fx", "fy", "cx", "cy", "k1",
-                                                                     "k2", "p1", "p2", "k3"};
-
 struct LensCalibration {
-  int width_px = 0, height_px = 0;
-  std::array<double, kLensNumbers> value{};  ///< in the order of kLensNames
-  std::array<double, kLensNumbers> sigma{};  ///< standard deviation of each
-  double rms_px = 0;                         ///< distance of corners from the model
+  Lens lens;
+  LensNumbers sigma{};  ///< standard deviation of each of its numbers
+  double rms_px = 0;    ///< distance of corners from the model
   std::size_t views = 0, corners = 0;
-
-  CameraModel camera() const;
 };
 
 inline constexpr std::size_t kMinViews = 6;
@@ -39,7 +32,7 @@ struct Coverage {
   std::vector<std::string> no_lens;  ///< corners of the image for which the model has no line of sight
 };
 inline constexpr double kTiltDeg = 12;
-Coverage coverage_of(const LensCalibration& lens, std::vector<BoardView>& views);
+Coverage coverage_of(const LensCalibration& calibration, std::vector<BoardView>& views);
 
 /// What to show the camera besides, in words; empty if nothing is missing.
 std::vector<std::string> advice(const Coverage& coverage);

@@ -48,7 +48,7 @@ Numbers mounted_to() {
 }
 
 /// Distances of the corners from where the numbers put them, then the numbers themselves; each in units of its scatter.
-Residuals residuals(const MountModel& nominal, const CameraModel& lens, const RestingCorners& seen, const Numbers& x) {
+Residuals residuals(const MountModel& nominal, const Lens& lens, const RestingCorners& seen, const Numbers& x) {
   Residuals r;
   const Isometry3d T_camera_finger = moved(nominal.T_finger_camera.cast<double>(), x.head<6>()).inverse();
   for (int p = 0; p < kPlates; ++p) {
@@ -80,21 +80,12 @@ struct CornerSum {
   }
 };
 
-void check_session(const std::filesystem::path& session, const SessionInfo& info, const MountModel& mount) {
-  const std::string file = (session / kSessionInfo).string();
-  if (info.marker_id != mount.marker_id) throw InputError(file, "marker ids are not those of the finger spec");
-  if (std::abs(info.marker_size_mm - static_cast<double>(mount.marker_size_mm)) > 1e-3) {
-    throw InputError(file, "markers.size_mm", std::to_string(info.marker_size_mm),
-                     std::to_string(mount.marker_size_mm) + " as in the finger spec");
-  }
-}
-
 }  // namespace
 
 RestingCorners resting_corners(const std::filesystem::path& session, const MountModel& mount) {
   const SessionInfo info = read_session_info(session);
-  check_session(session, info, mount);
-  MarkerStage markers(mount, camera_of(info));
+  check_markers(info, session, mount.marker_id, static_cast<double>(mount.marker_size_mm), "the finger spec");
+  MarkerStage markers(mount, info.lens);
   ReplaySettings replay;
   replay.path = session;
   replay.recorded_speed = false;
@@ -134,7 +125,7 @@ RestingCorners resting_corners(const std::filesystem::path& session, const Mount
   return rest;
 }
 
-MountEstimate estimate_mount(const MountModel& nominal, const CameraModel& lens, const RestingCorners& seen,
+MountEstimate estimate_mount(const MountModel& nominal, const Lens& lens, const RestingCorners& seen,
                              const std::string& name) {
   constexpr int kSteps = 10;            // quadratic: four stand still to 1e-9
   constexpr double kDifference = 1e-5;  // mm and rad; the residuals' rounding is 1e-12 of them

@@ -45,18 +45,18 @@ void print_board(const Options& options, const CharucoBoard& board) {
 void calibrate(const Options& options, const CharucoBoard& board) {
   std::vector<BoardView> views = read_board_views(options.folder, board, options.every);
   reject_bad_views(board, views);
-  LensCalibration lens;
+  LensCalibration calibration;
   try {
-    lens = calibrate_lens(board, views, options.folder.string());
+    calibration = calibrate_lens(board, views, options.folder.string());
   } catch (const InputError&) {
     std::printf("%s", view_table(views).c_str());
     throw;
   }
-  const Coverage coverage = coverage_of(lens, views);
-  std::printf("%s%s", view_table(views).c_str(), calibration_text(lens, coverage).c_str());
-  write_file_atomically(options.output, lens_file(lens, options.folder.string()));
+  const Coverage coverage = coverage_of(calibration, views);
+  std::printf("%s%s", view_table(views).c_str(), calibration_text(calibration, coverage).c_str());
+  write_file_atomically(options.output, lens_file(calibration, options.folder.string()));
   std::printf("%s: for the key lens in a board file's [source]\n", options.output.c_str());
-  if (!options.plot.empty()) plot_calibration(lens, views, options.plot);
+  if (!options.plot.empty()) plot_calibration(calibration, views, options.plot);
 }
 
 void run(const Options& options) {

@@ -34,12 +34,10 @@ struct NumberedFrame {
 /// the one with the largest force.
 NumberedFrame measure(const Options& options, const Model& model) {
   const SessionInfo info = read_session_info(options.session);
-  if (info.marker_id != model.mount.marker_id) {
-    throw InputError((options.session / kSessionInfo).string(), "marker ids are not those of " + options.pack.string());
-  }
-  const CameraModel lens = camera_of(info);
-  MarkerStage markers(model, lens);
-  PoseStage plates(model, lens);
+  check_markers(info, options.session, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
+                options.pack.string());
+  MarkerStage markers(model, info.lens);
+  PoseStage plates(model, info.lens);
   ShapeStage shapes(model, {});
   TouchStage touches(model);
   ReplaySettings replay;

@@ -32,15 +32,13 @@ struct Frames {
 /// Plate poses as the firmware estimates them, of every `every`th frame. Markers are followed through all.
 Frames estimate_poses(const Options& options, const Model& model) {
   const SessionInfo info = read_session_info(options.session);
-  if (info.marker_id != model.mount.marker_id) {
-    throw InputError((options.session / kSessionInfo).string(), "marker ids are not those of " + options.pack.string());
-  }
+  check_markers(info, options.session, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
+                options.pack.string());
   const MountModel mount =
       options.mount.empty() ? model.mount
                             : corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(options.mount)));
-  const CameraModel lens = camera_of(info);
-  MarkerStage markers(mount, lens);
-  PoseStage estimator(mount, model.prior, lens);
+  MarkerStage markers(mount, info.lens);
+  PoseStage estimator(mount, model.prior, info.lens);
   ReplaySettings replay;
   replay.path = options.session;
   replay.recorded_speed = false;

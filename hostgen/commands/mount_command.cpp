@@ -27,7 +27,7 @@ void run(const Options& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   const MountModel nominal = mount_of(spec);
   const RestingCorners seen = resting_corners(options.session, nominal);
-  const CameraModel lens = camera_of(read_session_info(options.session));
+  const Lens lens = read_session_info(options.session).lens;
   const MountEstimate estimate = estimate_mount(nominal, lens, seen, options.session.string());
   write_file_atomically(options.output, mount_file(estimate, spec, seen.frames));
   std::printf("%s%s: for the key mount in a board file; zero the finger anew with it (command 1)\n",

@@ -78,12 +78,9 @@ class PendingFolder {
   fs::path target_, temporary_;
 };
 
-SessionInfo session_info(const FingerSpec& spec, const CameraIntrinsics& c, const Options& options) {
-  SessionInfo info{.width_px = c.width_px,
-                   .height_px = c.height_px,
+SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options& options) {
+  SessionInfo info{.lens = lens,
                    .frames_per_second = kFramesPerSecond,
-                   .fx_fy_cx_cy = {c.fx, c.fy, c.cx, c.cy},
-                   .k1_k2_p1_p2_k3 = {c.k1, c.k2, c.p1, c.p2, c.k3},
                    .marker_dictionary = "DICT_4X4_50",
                    .marker_id = {},
                    .marker_size_mm = spec.marker_size_mm,
@@ -131,8 +128,8 @@ std::string truth_csv(const std::vector<FemState>& states) {
   return text + "\n";
 }
 
-void write_images(const fs::path& file, const FingerSpec& spec, const CameraIntrinsics& camera,
-                  const std::vector<FemState>& states, const Options& options) {
+void write_images(const fs::path& file, const FingerSpec& spec, const Lens& camera, const std::vector<FemState>& states,
+                  const Options& options) {
   const ImageQuality quality = image_preset(options.preset);
   Renderer renderer(spec, camera, quality, 2 * options.seed + 1);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, value_of(session_events(), options.event));
@@ -164,7 +161,7 @@ void print_summary(const std::vector<FemState>& states, const Options& options) 
 void run(const Options& options) {
   if (!std::isfinite(options.seconds)) throw InputError("command line", "--seconds", "not a number", "0.1 ... 600");
   const FingerSpec spec = read_finger_spec(options.spec);
-  const CameraIntrinsics& camera = spec.cameras[kCameraOfSize.at(options.size)];
+  const Lens& camera = spec.cameras[kCameraOfSize.at(options.size)];
   PendingFolder folder(options.output);
   const int frames = std::max(1, static_cast<int>(std::lround(options.seconds * kFramesPerSecond)));
   // Two independent streams of random numbers from one seed: the touch does not depend on the image's size.

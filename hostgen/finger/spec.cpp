@@ -172,8 +172,8 @@ void read_markers(TomlTable table, FingerSpec& spec) {
   table.finish();
 }
 
-CameraIntrinsics read_intrinsics(TomlTable table, int width_px, int height_px) {
-  CameraIntrinsics c;
+Lens read_lens(TomlTable table, int width_px, int height_px) {
+  Lens c;
   c.width_px = width_px;
   c.height_px = height_px;
   c.fx = table.number("fx", 10, 1e5);
@@ -202,8 +202,8 @@ void read_camera(TomlTable table, FingerSpec& spec) {
   axes.col(1) = axes.col(2).cross(axes.col(0));
   spec.T_finger_camera.linear() = axes;
   spec.T_finger_camera.translation() = vector3(table, "position_mm", kLargestMm);
-  spec.cameras[0] = read_intrinsics(table.table("size_1280x720"), 1280, 720);
-  spec.cameras[1] = read_intrinsics(table.table("size_640x480"), 640, 480);
+  spec.cameras[0] = read_lens(table.table("size_1280x720"), 1280, 720);
+  spec.cameras[1] = read_lens(table.table("size_640x480"), 640, 480);
   table.finish();
 }
 

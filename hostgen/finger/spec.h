@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "firmware/geometry/lens.h"
 #include "firmware/types.h"
 
 namespace finsight::host {
@@ -40,13 +41,6 @@ struct PlateSpec {
   /// At rest. Origin: middle of the plate's lower face; marker x = finger x, y = finger z, z = finger -y.
   Eigen::Isometry3d T_finger_marker = Eigen::Isometry3d::Identity();
   WorkingRange range;
-};
-
-/// Pinhole with Brown-Conrady distortion, OpenCV's convention, for one image size.
-struct CameraIntrinsics {
-  int width_px = 0, height_px = 0;
-  double fx = 0, fy = 0, cx = 0, cy = 0;  ///< pixels
-  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
 };
 
 /// Standard deviation of a measured plate motion, per plate: what the touch network is trained against.
@@ -88,7 +82,7 @@ struct FingerSpec {
 
   // Camera (OpenCV's frame: x right, y down in the image, z along the line of sight)
   Eigen::Isometry3d T_finger_camera = Eigen::Isometry3d::Identity();
-  std::array<CameraIntrinsics, 2> cameras;  ///< 1280x720 and 640x480
+  std::array<Lens, 2> cameras;  ///< its lens, for images of 1280x720 and 640x480
   std::array<PoseNoise, kPlates> noise;
 
   // Touch

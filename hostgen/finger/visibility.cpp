@@ -164,27 +164,22 @@ std::optional<double> hit(const Triangle& triangle, const Vector3d& from, const 
   return triangle.edge2.dot(q) / determinant;
 }
 
-/// Pixel of a point in the camera frame; nothing if the lens model does not reach it (behind the camera, or so far out
-/// that the distortion folds back).
-std::optional<Eigen::Vector2d> project(const CameraIntrinsics& c, const Vector3d& point) {
-  if (point.z() <= 0) return std::nullopt;
-  const double x = point.x() / point.z(), y = point.y() / point.z();
-  const double r2 = x * x + y * y;
-  for (int step = 1; step <= 20; ++step) {  // the distorted radius must grow all the way
-    const double s = r2 * step / 20;
-    if (1 + s * (3 * c.k1 + s * (5 * c.k2 + s * 7 * c.k3)) <= 0) return std::nullopt;
-  }
-  const double radial = 1 + r2 * (c.k1 + r2 * (c.k2 + r2 * c.k3));
-  const double distorted_x = x * radial + 2 * c.p1 * x * y + c.p2 * (r2 + 2 * x * x);
-  const double distorted_y = y * radial + c.p1 * (r2 + 2 * y * y) + 2 * c.p2 * x * y;
-  return Eigen::Vector2d(c.fx * distorted_x + c.cx, c.fy * distorted_y + c.cy);
-}
+/// One of the camera's lenses.
+struct Sight {
+  Lens lens;
+  double turning_radius_sq;
 
-bool in_image(const CameraIntrinsics& c, const std::optional<Eigen::Vector2d>& pixel) {
-  const double margin = kMarginShare * c.height_px;
-  return pixel && pixel->minCoeff() >= margin && pixel->x() <= c.width_px - 1 - margin &&
-         pixel->y() <= c.height_px - 1 - margin;
-}
+  /// Whether a point in the camera frame is seen, away from the image's edge.
+  bool sees(const Vector3d& point) const {
+    if (point.z() <= 0) return false;
+    const Eigen::Vector2d ray = point.head<2>() / point.z();
+    if (ray.squaredNorm() >= turning_radius_sq) return false;
+    const Eigen::Vector2d pixel = pixel_from_ray(lens, ray);
+    const double margin = kMarginShare * lens.height_px;
+    return pixel.minCoeff() >= margin && pixel.x() <= lens.width_px - 1 - margin &&
+           pixel.y() <= lens.height_px - 1 - margin;
+  }
+};
 
 /// Points of the marker with its white border, in the finger frame.
 std::vector<Vector3d> marker_points(const FingerSpec& spec, int plate, const Isometry3d& motion) {
@@ -201,16 +196,16 @@ std::vector<Vector3d> marker_points(const FingerSpec& spec, int plate, const Iso
 
 /// What keeps the camera from seeing the marker, in words; nothing if it sees it whole.
 std::optional<std::string> obstacle(const FingerSpec& spec, int plate, const Isometry3d& motion,
-                                    const std::vector<Triangle>& surface) {
+                                    const std::vector<Sight>& sights, const std::vector<Triangle>& surface) {
   const Vector3d camera = spec.T_finger_camera.translation();
   const Isometry3d T_camera_finger = spec.T_finger_camera.inverse();
   const Vector3d normal = motion.linear() * spec.plates[plate].T_finger_marker.linear().col(2);
   for (const Vector3d& point : marker_points(spec, plate, motion)) {
     const Vector3d ray = point - camera;
     if (-ray.dot(normal) < kSmallestFacingCosine * ray.norm()) return "turned away from the camera";
-    for (const CameraIntrinsics& c : spec.cameras) {
-      if (in_image(c, project(c, T_camera_finger * point))) continue;
-      return "outside the image of " + std::to_string(c.width_px) + "x" + std::to_string(c.height_px);
+    for (const Sight& sight : sights) {
+      if (sight.sees(T_camera_finger * point)) continue;
+      return "outside the image of " + std::to_string(sight.lens.width_px) + "x" + std::to_string(sight.lens.height_px);
     }
     double nearest = 1;
     const Triangle* first = nullptr;
@@ -240,12 +235,14 @@ std::string described(const WorkingRange& range, const Pose& pose) {
 }  // namespace
 
 void check_visibility(const FingerSpec& spec) {
+  std::vector<Sight> sights;
+  for (const Lens& lens : spec.cameras) sights.push_back({lens, turning_radius_sq(lens)});
   const std::vector<SkinTriangle> skin = spec.surface ? skin_of(*spec.surface) : skin_of(make_grid(spec));
   for (const Pose& pose : poses_to_check()) {
     const std::vector<Triangle> surface = moved(skin, Bending(spec, pose));
     for (int plate = 0; plate < kPlates; ++plate) {
       const PlateSpec& p = spec.plates[plate];
-      if (const auto reason = obstacle(spec, plate, plate_motion(p, pose), surface)) {
+      if (const auto reason = obstacle(spec, plate, plate_motion(p, pose), sights, surface)) {
         throw InputError(spec.file.string(), std::string("plates.") + kPlateNames[plate],
                          "a marker " + *reason + " " + described(p.range, pose),
                          "one that the camera sees whole, with its white border");

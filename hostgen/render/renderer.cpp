@@ -73,9 +73,8 @@ std::array<int, N> Renderer::Face::areas(const Eigen::Array<float, N, 1>& u_mm,
   return result;
 }
 
-Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const ImageQuality& quality,
-                   std::uint64_t seed)
-    : spec_(spec), camera_(camera), quality_(quality), noise_(seed), lens_(camera) {
+Renderer::Renderer(const FingerSpec& spec, const Lens& lens, const ImageQuality& quality, std::uint64_t seed)
+    : spec_(spec), lens_(lens), quality_(quality), noise_(seed), turning_radius_sq_(turning_radius_sq(lens)) {
   for (int plate = 0; plate < kPlates; ++plate) {
     const Eigen::Vector2f half_mm = plate_half_size_mm(spec, plate).cast<float>();
     Face& face = faces_[plate];
@@ -93,21 +92,22 @@ Renderer::Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const
   }
   prepare_rays();
   prepare_light(noise_);
-  noise_table_.resize(kNoiseTable + static_cast<std::size_t>(camera_.width_px));
+  noise_table_.resize(kNoiseTable + static_cast<std::size_t>(lens_.width_px));
   for (std::size_t i = 0; i < noise_table_.size(); ++i) {
     noise_table_[i] = i < kNoiseTable ? static_cast<float>(noise_.normal()) : noise_table_[i - kNoiseTable];
   }
-  film_ = ImageFilm(quality, camera.width_px, camera.height_px, noise_);
-  upper_mm_.resize(static_cast<std::size_t>(camera_.width_px) + 1);
+  film_ = ImageFilm(quality, lens.width_px, lens.height_px, noise_);
+  upper_mm_.resize(static_cast<std::size_t>(lens_.width_px) + 1);
   lower_mm_ = upper_mm_;
 }
 
 void Renderer::prepare_rays() {
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-  for (int y = 0; y <= camera_.height_px; ++y) {
-    for (int x = 0; x <= camera_.width_px; ++x) {
-      const auto ray = lens_.ray({x - 0.5, y - 0.5});
-      corner_ray_.push_back(ray ? Eigen::Vector2f(ray->cast<float>()) : Eigen::Vector2f(kNone, kNone));
+  for (int y = 0; y <= lens_.height_px; ++y) {
+    for (int x = 0; x <= lens_.width_px; ++x) {
+      const Eigen::Vector2d ray = ray_from_pixel(lens_, {x - 0.5, y - 0.5}, 1e-9);
+      corner_ray_.push_back(ray.squaredNorm() < turning_radius_sq_ ? Eigen::Vector2f(ray.cast<float>())
+                                                                   : Eigen::Vector2f(kNone, kNone));
     }
   }
 }
@@ -121,17 +121,17 @@ void Renderer::prepare_light(Random& random) {
   };
   std::array<Wave, kWaves> waves;
   for (Wave& wave : waves) {
-    const double length_px = camera_.width_px * random.uniform(0.12, 0.5);
+    const double length_px = lens_.width_px * random.uniform(0.12, 0.5);
     const double direction = random.uniform(0, 2 * std::numbers::pi), cycle = 2 * std::numbers::pi / length_px;
     wave = {cycle * std::cos(direction), cycle * std::sin(direction), random.uniform(0, 2 * std::numbers::pi)};
   }
-  const double half_diagonal_sq = 0.25 * (std::pow(camera_.width_px, 2) + std::pow(camera_.height_px, 2));
-  for (int y = 0; y < camera_.height_px; ++y) {
-    for (int x = 0; x < camera_.width_px; ++x) {
-      const double from_middle_x = x - 0.5 * camera_.width_px, from_middle_y = y - 0.5 * camera_.height_px;
+  const double half_diagonal_sq = 0.25 * (std::pow(lens_.width_px, 2) + std::pow(lens_.height_px, 2));
+  for (int y = 0; y < lens_.height_px; ++y) {
+    for (int x = 0; x < lens_.width_px; ++x) {
+      const double from_middle_x = x - 0.5 * lens_.width_px, from_middle_y = y - 0.5 * lens_.height_px;
       const double radius_sq = (from_middle_x * from_middle_x + from_middle_y * from_middle_y) / half_diagonal_sq;
       const double light =
-          (1 - quality_.vignetting * radius_sq) * (1 + quality_.light_gradient * from_middle_x / camera_.width_px);
+          (1 - quality_.vignetting * radius_sq) * (1 + quality_.light_gradient * from_middle_x / lens_.width_px);
       double texture = 1;
       for (const Wave& wave : waves) texture += 0.06 * std::sin(wave.along_x * x + wave.along_y * y + wave.phase);
       light_.push_back(static_cast<float>(light));
@@ -157,7 +157,7 @@ void Renderer::render(std::span<const Scene> exposure, std::vector<std::uint8_t>
   for (std::size_t i = 0; i < film_.glare.size(); ++i) image_[i] += exposure[0].light * film_.glare[i];
   quantise(grey);
   if (quality_.jpeg_quality < 100) {
-    compress_like_jpeg(grey, camera_.width_px, camera_.height_px, quality_.jpeg_quality);
+    compress_like_jpeg(grey, lens_.width_px, lens_.height_px, quality_.jpeg_quality);
   }
 }
 
@@ -192,16 +192,19 @@ Renderer::Box Renderer::bounds(const Face& face, const Eigen::Isometry3d& T_came
       if (i % kSteps != 0 && j % kSteps != 0) continue;
       const Eigen::Vector3d point = T_camera_marker * Eigen::Vector3d(face.half_width_mm * (2.0 * i / kSteps - 1),
                                                                       face.half_height_mm * (2.0 * j / kSteps - 1), 0);
-      const auto pixel = point.z() > kNearestMm ? lens_.pixel(point.head<2>() / point.z()) : std::nullopt;
-      if (!pixel) return {0, camera_.width_px, 0, camera_.height_px};
-      lowest = lowest.cwiseMin(*pixel);
-      highest = highest.cwiseMax(*pixel);
+      const Eigen::Vector2d ray = point.head<2>() / point.z();
+      if (!(point.z() > kNearestMm && ray.squaredNorm() < turning_radius_sq_)) {
+        return {0, lens_.width_px, 0, lens_.height_px};
+      }
+      const Eigen::Vector2d pixel = pixel_from_ray(lens_, ray);
+      lowest = lowest.cwiseMin(pixel);
+      highest = highest.cwiseMax(pixel);
     }
   }
   const double margin_px = 2 + static_cast<double>(blur_weights_.size());
   const auto clamped = [](double value, int limit) { return static_cast<int>(std::clamp<double>(value, 0, limit)); };
-  return {clamped(lowest.x() - margin_px, camera_.width_px), clamped(highest.x() + margin_px, camera_.width_px),
-          clamped(lowest.y() - margin_px, camera_.height_px), clamped(highest.y() + margin_px, camera_.height_px)};
+  return {clamped(lowest.x() - margin_px, lens_.width_px), clamped(highest.x() + margin_px, lens_.width_px),
+          clamped(lowest.y() - margin_px, lens_.height_px), clamped(highest.y() + margin_px, lens_.height_px)};
 }
 
 /// Draws a plate into a layer of its own, blurs the layer, and lays it over the image.
@@ -220,7 +223,7 @@ void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_ma
   face_to_ray.col(2) = place;
   const Eigen::Matrix3f ray_to_face = face_to_ray.inverse().cast<float>();
   const auto see_row = [&](int y, std::vector<Eigen::Vector2f>& row_mm) {
-    const Eigen::Vector2f* rays = &corner_ray_[static_cast<std::size_t>(y) * (camera_.width_px + 1)];
+    const Eigen::Vector2f* rays = &corner_ray_[static_cast<std::size_t>(y) * (lens_.width_px + 1)];
     for (int x = box.first_x; x <= box.last_x; ++x) {
       const Eigen::Vector3f point = ray_to_face * rays[x].homogeneous();
       const bool ahead = point.z() > kFarthestInverse;  // false for NaN, where the lens has no ray
@@ -237,7 +240,7 @@ void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_ma
   blur_layer(box, cover_);
   blur_layer(box, tone_);
   for (int y = box.first_y, i = 0; y < box.last_y; ++y) {
-    const std::size_t row = static_cast<std::size_t>(y) * camera_.width_px;
+    const std::size_t row = static_cast<std::size_t>(y) * lens_.width_px;
     for (int x = box.first_x; x < box.last_x; ++x, ++i) {
       image_[row + x] = image_[row + x] * (1 - cover_[i]) + tone_[i] * light_[row + x];
     }
@@ -314,7 +317,7 @@ void Renderer::quantise(std::vector<std::uint8_t>& grey) {
   grey.resize(image_.size());
   const float read_variance = static_cast<float>(quality_.read_noise * quality_.read_noise);
   const float shot_variance = static_cast<float>(quality_.shot_noise * quality_.shot_noise);
-  const std::size_t width = static_cast<std::size_t>(camera_.width_px);
+  const std::size_t width = static_cast<std::size_t>(lens_.width_px);
   for (std::size_t row = 0; row < image_.size(); row += width) {
     const float* noise = &noise_table_[noise_.index(kNoiseTable)];
     const float* image = &image_[row];

@@ -5,10 +5,10 @@
 #include <span>
 #include <vector>
 
+#include "firmware/geometry/lens.h"
 #include "firmware/types.h"
 #include "hostgen/finger/spec.h"
 #include "hostgen/render/image_effects.h"
-#include "hostgen/render/lens.h"
 #include "hostgen/util/random.h"
 
 namespace finsight::host {
@@ -17,7 +17,7 @@ namespace finsight::host {
 /// around it, and the plate itself beside the paper. Pixels are areas (centres at whole numbers, OpenCV's convention).
 class Renderer {
  public:
-  Renderer(const FingerSpec& spec, const CameraIntrinsics& camera, const ImageQuality& quality, std::uint64_t seed);
+  Renderer(const FingerSpec& spec, const Lens& lens, const ImageQuality& quality, std::uint64_t seed);
   /// Where the plates are at one time, which of them the camera can see, and how much of the light is on.
   struct Scene {
     std::array<PlateMotion, kPlates> plates;
@@ -55,10 +55,10 @@ class Renderer {
   void quantise(std::vector<std::uint8_t>& grey);
 
   FingerSpec spec_;
-  CameraIntrinsics camera_;
+  Lens lens_;
   ImageQuality quality_;
   Random noise_;
-  Lens lens_;
+  double turning_radius_sq_;
   std::array<Face, kPlates> faces_;
   std::vector<Eigen::Vector2f> corner_ray_;  ///< [height + 1, width + 1] rays at the pixels' corners; NaN where none
   std::vector<float> light_;                 ///< [height, width] share of the full light

@@ -48,7 +48,7 @@ struct DrawnMarker {
   double distance_mm = 0, tilt_deg = 0;
 };
 
-DrawnMarker drawn(const FingerSpec& spec, const CameraModel& lens, std::size_t plate, const PlateMotion& motion) {
+DrawnMarker drawn(const FingerSpec& spec, const Lens& lens, std::size_t plate, const PlateMotion& motion) {
   const Eigen::Isometry3d pose = T_camera_marker(spec, plate, motion);
   DrawnMarker marker;
   for (std::size_t k = 0; k < 4; ++k) {
@@ -87,16 +87,15 @@ Corners by_corner_sub_pix(const ImageView& image, const Corners& start) {
 /// Draws `images` of `quality` and calls `take` with each marker and what both methods make of it.
 using Take = std::function<void(const DrawnMarker&, const Corners* edges, const Corners& sub_pix)>;
 void measure(const FingerSpec& spec, const ImageQuality& quality, int images, const Take& take) {
-  const CameraIntrinsics& camera = spec.cameras[0];
-  const CameraModel lens = camera_model(camera);
-  Renderer renderer(spec, camera, quality, kSeed);
+  const Lens& lens = spec.cameras[0];
+  Renderer renderer(spec, lens, quality, kSeed);
   Random random(kSeed);
   std::vector<std::uint8_t> grey;
   for (int n = 0; n < images; ++n) {
     if (interrupted()) throw Interrupted();
     const std::array<PlateMotion, kPlates> motions = random_motions(random);
     renderer.render(motions, grey);
-    const ImageView image{grey.data(), camera.width_px, camera.height_px, camera.width_px};
+    const ImageView image{grey.data(), lens.width_px, lens.height_px, lens.width_px};
     for (std::size_t p = 0; p < kPlates; ++p) {
       const DrawnMarker marker = drawn(spec, lens, p, motions[p]);
       Corners coarse = marker.truth;

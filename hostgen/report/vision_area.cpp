@@ -121,7 +121,7 @@ class Score {
   std::size_t frames_ = 0, flips_ = 0, valid_ = 0, false_valid_ = 0, firm_ = 0;
 };
 
-Frame frame_of(const std::vector<std::uint8_t>& grey, const CameraIntrinsics& camera, std::size_t number) {
+Frame frame_of(const std::vector<std::uint8_t>& grey, const Lens& camera, std::size_t number) {
   return {.grey = grey.data(),
           .width_px = camera.width_px,
           .height_px = camera.height_px,
@@ -142,7 +142,7 @@ double thread_cpu_ms() {
 /// A way from corners to touches.
 class Way {
  public:
-  Way(const Model& model, const CameraModel& lens, PoseMethod method)
+  Way(const Model& model, const Lens& lens, PoseMethod method)
       : stage_(model.mount, model.prior, lens, method), touch_(model) {}
 
   const PlatePoses& look(const MarkerCorners& corners, double level_permille, const FemState& truth, double rated_mm) {
@@ -167,13 +167,12 @@ class Way {
 };
 
 /// One preset at one image size. The loop gives the registers' level and the times, the stages beside it the rest.
-json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsics& camera, const std::string& preset,
+json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, const std::string& preset,
                 const std::vector<FemState>& states, Progress& progress) {
   constexpr double kNoLevel = std::numeric_limits<double>::quiet_NaN();
   constexpr std::size_t kLevelRegister = 11, kStatusRegister = 0;
   const ImageQuality quality = image_preset(preset);
-  const CameraModel lens = camera_model(camera);
-  Renderer renderer(spec, camera, quality, kSeed);
+  Renderer renderer(spec, lens, quality, kSeed);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
   FrameLoop loop(model, lens, LoopSettings{});
   MarkerStage markers(model, lens);
@@ -187,7 +186,7 @@ json run_preset(const Model& model, const FingerSpec& spec, const CameraIntrinsi
   for (std::size_t k = 0; k < states.size(); ++k) {
     if (interrupted()) throw Interrupted();
     renderer.render(scenes.exposure(k), grey);
-    const Frame frame = frame_of(grey, camera, k);
+    const Frame frame = frame_of(grey, lens, k);
     const double cpu_before_ms = thread_cpu_ms();
     const RegisterImage& registers = loop.step(frame);
     cpu_ms.push_back(thread_cpu_ms() - cpu_before_ms);
@@ -240,7 +239,7 @@ json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh,
                 bool quick) {
   const double seconds = quick ? 3 : 8;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
-  const CameraIntrinsics& camera = spec.cameras[0];
+  const Lens& camera = spec.cameras[0];
   const ImageQuality quality = image_preset("lab");
   json rows = json::array();
   Gnuplot plot(folder / "paths.svg");
@@ -251,8 +250,8 @@ json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh,
     const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, kind), frames, kFramesPerSecond);
     const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
     Renderer renderer(spec, camera, quality, kSeed);
-    MarkerStage markers(model, camera_model(camera));
-    PoseStage poses(model, camera_model(camera));
+    MarkerStage markers(model, camera);
+    PoseStage poses(model, camera);
     TouchStage touch(model);
     std::vector<std::uint8_t> grey;
     std::vector<double> errors_mm;
@@ -296,7 +295,7 @@ json measure_vision(const Model& model, const FingerSpec& spec, const std::files
   Progress progress("rendered images to touches", presets.size() * sizes * states.size());
   for (const std::string& preset : presets) {
     for (std::size_t size = 0; size < sizes; ++size) {
-      const CameraIntrinsics& camera = spec.cameras[size];
+      const Lens& camera = spec.cameras[size];
       const json figures = run_preset(model, spec, camera, preset, states, progress);
       if (size == 0) {
         vision[preset] = figures;

@@ -13,13 +13,13 @@
 
 namespace finsight::test {
 
-inline CameraModel calibrated_camera() {
-  return {640, 480, 490.7F, 489.9F, 303.6F, 243.6F, -0.3956F, 0.2259F, 0.0008F, -0.0005F, -0.0912F};
+inline Lens calibrated_camera() {
+  return {640, 480, 490.7, 489.9, 303.6, 243.6, -0.3956, 0.2259, 0.0008, -0.0005, -0.0912};
 }
 
 class BoardPainter {
  public:
-  explicit BoardPainter(const CameraModel& camera, const host::CharucoBoard& board = {})
+  explicit BoardPainter(const Lens& camera, const host::CharucoBoard& board = {})
       : camera_(camera), modules_(board.modules()) {
     for (int y = 0; y <= camera.height_px; ++y) {
       for (int x = 0; x <= camera.width_px; ++x) rays_.push_back(ray_from_pixel(camera, {x - 0.5, y - 0.5}));
@@ -103,15 +103,15 @@ class BoardPainter {
     }
   }
 
-  CameraModel camera_;
+  Lens camera_;
   host::GreyImage modules_;
   std::vector<Eigen::Vector2d> rays_;
 };
 
 /// The board with its middle seen at a share of the image (0 ... 1 each way), `depth` squares away; positive tilts
 /// bring its lower and its right side nearer.
-inline Eigen::Isometry3d board_at(const CameraModel& camera, double across, double down, double lower_deg,
-                                  double right_deg, double depth = 13, double roll_deg = 0) {
+inline Eigen::Isometry3d board_at(const Lens& camera, double across, double down, double lower_deg, double right_deg,
+                                  double depth = 13, double roll_deg = 0) {
   constexpr double kRad = std::numbers::pi / 180;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.linear() = (Eigen::AngleAxisd(right_deg * kRad, Eigen::Vector3d::UnitY()) *
@@ -124,7 +124,7 @@ inline Eigen::Isometry3d board_at(const CameraModel& camera, double across, doub
 }
 
 /// Fifteen views as someone takes them who follows the advice: all of the image, tilted to all sides.
-inline std::vector<Eigen::Isometry3d> good_views(const CameraModel& camera) {
+inline std::vector<Eigen::Isometry3d> good_views(const Lens& camera) {
   std::vector<Eigen::Isometry3d> views;
   const double tilts[4][2] = {{25, 0}, {-25, 0}, {0, 25}, {0, -25}};
   for (int i = 0; i < 15; ++i) {

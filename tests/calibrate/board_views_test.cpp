@@ -14,7 +14,7 @@ using namespace finsight::host;
 
 namespace {
 
-const CameraModel kCamera = test::calibrated_camera();
+const Lens kCamera = test::calibrated_camera();
 const CharucoBoard kBoard;
 
 void write(const test::ScratchFolder& folder, const std::string& name, const GreyImage& image) {
@@ -56,7 +56,7 @@ TEST_CASE("board views: each rejected image has its reason") {
   write(folder, "d_blurred.png", painter.paint(test::board_at(kCamera, 0.5, 0.5, 0, 0, 8), 4, 2.6));
   write(folder, "e_nothing.png", {640, 480, std::vector<std::uint8_t>(640 * 480, 120)});
   write(folder, "f_corner.png", painter.paint(at(-0.1, 0), 5));
-  CameraModel large = kCamera;
+  Lens large = kCamera;
   large.width_px = 800;
   write(folder, "g_large.png", test::BoardPainter(large).paint(at(0.5, 30), 6));
   folder.write("h_cut.png", png_bytes(painter.paint(at(0.5, 0), 7), 1).substr(0, 5000));

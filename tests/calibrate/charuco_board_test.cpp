@@ -75,7 +75,7 @@ TEST_CASE(
 }
 
 TEST_CASE("charuco board: its corners are found to a tenth of a pixel, near and far, tilted and rolled") {
-  const CameraModel camera = test::calibrated_camera();
+  const Lens camera = test::calibrated_camera();
   const test::BoardPainter painter(camera);
   const CharucoBoard board;
   BoardFinder finder(board);
@@ -110,7 +110,7 @@ TEST_CASE("charuco board: its corners are found to a tenth of a pixel, near and 
 }
 
 TEST_CASE("charuco board: blur shows in the width of its edges, also when it goes one way only") {
-  const CameraModel camera = test::calibrated_camera();
+  const Lens camera = test::calibrated_camera();
   const test::BoardPainter painter(camera);
   BoardFinder finder(CharucoBoard{});
   const Eigen::Isometry3d pose = test::board_at(camera, 0.5, 0.5, 0, 0, 12);
@@ -131,7 +131,7 @@ TEST_CASE("charuco board: blur shows in the width of its edges, also when it goe
 }
 
 TEST_CASE("charuco board: without a board, and with another board, no corner is found") {
-  const CameraModel camera = test::calibrated_camera();
+  const Lens camera = test::calibrated_camera();
   const test::BoardPainter painter(camera);
   const GreyImage image = painter.paint(test::board_at(camera, 0.5, 0.5, 0, 0), 3);
   const BoardSight other = BoardFinder(CharucoBoard{7, 9}).find(image.view());

@@ -13,18 +13,8 @@ using namespace finsight::host;
 
 namespace {
 
-const CameraModel kCamera = test::calibrated_camera();
+const Lens kCamera = test::calibrated_camera();
 const CharucoBoard kBoard;
-
-std::array<double, kLensNumbers> truth() {
-  const CameraModel& c = kCamera;
-  std::array<double, kLensNumbers> numbers{};
-  std::size_t i = 0;
-  for (const float value : {c.fx, c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3}) {
-    numbers[i++] = static_cast<double>(value);
-  }
-  return numbers;
-}
 
 /// What is seen of the board from a pose, without images: exact corners with noise.
 BoardView seen_from(const Eigen::Isometry3d& T_camera_board, test::Random& random, double noise_px = 0.05) {
@@ -56,7 +46,7 @@ std::vector<BoardView> good_sights(std::uint64_t seed) {
 /// The lens from good_sights(1), and these views with what the calibration adds.
 struct Calibrated {
   std::vector<BoardView> views = good_sights(1);
-  LensCalibration lens = calibrate_lens(kBoard, views, "views");
+  LensCalibration calibration = calibrate_lens(kBoard, views, "views");
 };
 const Calibrated& calibrated() {
   static const Calibrated once;
@@ -89,21 +79,22 @@ TEST_CASE("lens calibration: images of a board give the lens that drew them, wit
     views.push_back(view);
   }
   reject_bad_views(kBoard, views);
-  const LensCalibration lens = calibrate_lens(kBoard, views, "images");
-  MESSAGE(calibration_text(lens, coverage_of(lens, views)));
-  CHECK(lens.views == 15);
-  CHECK(lens.rms_px < 0.08);
+  const LensCalibration calibration = calibrate_lens(kBoard, views, "images");
+  MESSAGE(calibration_text(calibration, coverage_of(calibration, views)));
+  CHECK(calibration.views == 15);
+  CHECK(calibration.rms_px < 0.08);
+  const LensNumbers found = lens_numbers(calibration.lens), truth = lens_numbers(kCamera);
   for (std::size_t i = 0; i < kLensNumbers; ++i) {
     CAPTURE(kLensNames[i]);
-    CHECK(std::abs(lens.value[i] - truth()[i]) < 5 * lens.sigma[i]);
+    CHECK(std::abs(found[i] - truth[i]) < 5 * calibration.sigma[i]);
   }
-  CHECK(lens.sigma[0] < 1);
+  CHECK(calibration.sigma[0] < 1);
   // What counts: where the lens sees what, over all of the image.
   double worst_px = 0;
   for (int y = 10; y < 480; y += 20) {
     for (int x = 10; x < 640; x += 20) {
       const Eigen::Vector2d at(x, y);
-      worst_px = std::max(worst_px, (pixel_from_ray(lens.camera(), ray_from_pixel(kCamera, at)) - at).norm());
+      worst_px = std::max(worst_px, (pixel_from_ray(calibration.lens, ray_from_pixel(kCamera, at)) - at).norm());
     }
   }
   MESSAGE("farthest pixel: " << worst_px);
@@ -115,9 +106,10 @@ TEST_CASE("lens calibration: the standard deviations are those of the numbers") 
   std::array<double, kLensNumbers> squares{};
   for (int i = 0; i < kTimes; ++i) {
     std::vector<BoardView> views = good_sights(static_cast<std::uint64_t>(100 + i));
-    const LensCalibration lens = calibrate_lens(kBoard, views, "views");
+    const LensCalibration calibration = calibrate_lens(kBoard, views, "views");
     for (std::size_t n = 0; n < kLensNumbers; ++n) {
-      squares[n] += std::pow((lens.value[n] - truth()[n]) / lens.sigma[n], 2) / kTimes;
+      const double error = lens_numbers(calibration.lens)[n] - lens_numbers(kCamera)[n];
+      squares[n] += std::pow(error / calibration.sigma[n], 2) / kTimes;
     }
   }
   for (std::size_t n = 0; n < kLensNumbers; ++n) {
@@ -134,20 +126,20 @@ TEST_CASE("lens calibration: a view that the others do not explain is rejected, 
     const float bend = 3 * std::sin(static_cast<float>(i));
     views[4].sight.corner_px[i] += Vec2f(bend, -bend);
   }
-  const LensCalibration lens = calibrate_lens(kBoard, views, "views");
+  const LensCalibration calibration = calibrate_lens(kBoard, views, "views");
   CHECK(says(views[4].rejected, "outlier: corners"));
-  CHECK(lens.views == 14);
-  CHECK(lens.value == calibrate_lens(kBoard, without, "views").value);
+  CHECK(calibration.views == 14);
+  CHECK(calibration.lens == calibrate_lens(kBoard, without, "views").lens);
 }
 
 TEST_CASE("lens calibration: a single bad corner costs itself, not its view") {
   std::vector<BoardView> views = good_sights(1);
   const std::size_t corners = views[4].sight.id.size();
   views[4].sight.corner_px[7].x() += 2;
-  const LensCalibration lens = calibrate_lens(kBoard, views, "views");
-  CHECK(lens.views == 15);
+  const LensCalibration calibration = calibrate_lens(kBoard, views, "views");
+  CHECK(calibration.views == 15);
   CHECK(views[4].sight.id.size() == corners - 1);
-  CHECK(lens.rms_px < 0.08);
+  CHECK(calibration.rms_px < 0.08);
 }
 
 TEST_CASE("lens calibration: views that do not determine a lens are refused") {
@@ -177,8 +169,8 @@ TEST_CASE("lens calibration: corners that no lens explains, and a board that was
 
 TEST_CASE("lens calibration: coverage counts ninths of the image and tilts, and the advice says what is missing") {
   std::vector<BoardView> views = calibrated().views;
-  const LensCalibration lens = calibrated().lens;
-  CHECK(advice(coverage_of(lens, views)).empty());
+  const LensCalibration calibration = calibrated().calibration;
+  CHECK(advice(coverage_of(calibration, views)).empty());
 
   // Only views to the upper right, with the lower or the right side nearer.
   for (BoardView& view : views) {
@@ -186,7 +178,7 @@ TEST_CASE("lens calibration: coverage counts ninths of the image and tilts, and 
     if (into.x() < -0.2 || into.y() < -0.2) view.rejected = "left out";
     std::erase_if(view.sight.corner_px, [](const Vec2f& at) { return at.x() < 214 && at.y() > 320; });
   }
-  const Coverage coverage = coverage_of(lens, views);
+  const Coverage coverage = coverage_of(calibration, views);
   CHECK(coverage.views[6] == 0);
   CHECK(coverage.tilted[0] == 0);
   CHECK(coverage.tilted[2] == 0);
@@ -197,23 +189,23 @@ TEST_CASE("lens calibration: coverage counts ninths of the image and tilts, and 
   CHECK(says(lines[0], "show the board in the lower left, tilted so that its left side is nearer"));
   CHECK(says(lines[1], "upper side is nearer"));
 
-  const std::string shown = view_table(views) + calibration_text(lens, coverage);
+  const std::string shown = view_table(views) + calibration_text(calibration, coverage);
   CHECK(says(shown, "rejected: left out"));
   CHECK(says(shown, "to do better:\n  show the board in the lower left"));
 
-  LensCalibration folding = lens;
-  folding.value[5] = 0;
-  folding.value[8] = 0;
-  folding.value[4] = -0.45;  // without the higher coefficients it turns back before the corners
+  LensCalibration folding = calibration;
+  folding.lens.k2 = 0;
+  folding.lens.k3 = 0;
+  folding.lens.k1 = -0.45;  // without the higher coefficients it turns back before the corners
   const Coverage folded = coverage_of(folding, views);
   CHECK(folded.no_lens.size() == 4);
   CHECK(says(calibration_text(folding, folded), "not measured: upper left, upper right, lower left, lower right"));
 }
 
 TEST_CASE("lens calibration: a tilt is counted for the side that is nearer") {
-  LensCalibration lens;
-  lens.width_px = 640;
-  lens.height_px = 480;
+  LensCalibration calibration;
+  calibration.lens.width_px = 640;
+  calibration.lens.height_px = 480;
   const std::array<std::array<double, 2>, 4> tilts = {{{0, -20}, {0, 20}, {-20, 0}, {20, 0}}};
   for (std::size_t side = 0; side < 4; ++side) {
     std::vector<BoardView> views(1);
@@ -224,26 +216,26 @@ TEST_CASE("lens calibration: a tilt is counted for the side that is nearer") {
                             (views[0].T_camera_board * Eigen::Vector3d(10, 3.5, 0)).z()};
     // Rolled by a right angle, the board's own lower side is the left one in the image, and so on.
     CHECK(std::min_element(z_at, z_at + 4) - z_at == static_cast<std::ptrdiff_t>(side));
-    const Coverage coverage = coverage_of(lens, views);
+    const Coverage coverage = coverage_of(calibration, views);
     for (std::size_t other = 0; other < 4; ++other) CHECK(coverage.tilted[other] == (other == side ? 1 : 0));
   }
 }
 
 TEST_CASE("lens calibration: its file is what a board file takes, for this image size only") {
-  const LensCalibration lens = calibrated().lens;
+  const LensCalibration calibration = calibrated().calibration;
   const test::ScratchFolder folder;
-  folder.write("lens.toml", lens_file(lens, "images\nof mine"));
+  folder.write("lens.toml", lens_file(calibration, "images\nof mine"));
   const auto board = [&](const std::string& size, const std::string& more) {
     return folder.write("board.toml", "pack = \"p\"\n[source]\nkind = \"camera\"\n" + size +
                                           "frames_per_second = 60\n" + more + "[modbus]\n");
   };
-  const std::string text = lens_file(lens, "images");
+  const std::string text = lens_file(calibration, "images");
   CHECK(text.substr(text.find("k1_k2")).size() < 80);  // decimals that mean something
   const std::string vga = "width_px = 640\nheight_px = 480\n";
-  const CameraModel named = read_settings(board(vga, "lens = \"lens.toml\"\n")).lens;
-  CHECK(named.fx == doctest::Approx(lens.value[0]).epsilon(1e-5));
-  CHECK(named.k3 == doctest::Approx(lens.value[8]).epsilon(1e-4));
-  const CameraModel pasted = read_settings(board(vga, "[source.lens]\n" + lens_file(lens, "images"))).lens;
+  const Lens named = read_settings(board(vga, "lens = \"lens.toml\"\n")).lens;
+  CHECK(named.fx == doctest::Approx(calibration.lens.fx).epsilon(1e-5));
+  CHECK(named.k3 == doctest::Approx(calibration.lens.k3).epsilon(1e-4));
+  const Lens pasted = read_settings(board(vga, "[source.lens]\n" + lens_file(calibration, "images"))).lens;
   CHECK(pasted.cy == named.cy);
   CHECK_THROWS_WITH_AS(read_settings(board("width_px = 1280\nheight_px = 480\n", "lens = \"lens.toml\"\n")),
                        doctest::Contains("lens.toml:5: width_px: found 640, expected 1280, the size of the images"),

@@ -45,7 +45,7 @@ Change drawn(test::Random& random) {
   return by;
 }
 
-RestingCorners corners_of(const MountModel& mount, const CameraModel& lens, test::Random& random) {
+RestingCorners corners_of(const MountModel& mount, const Lens& lens, test::Random& random) {
   RestingCorners seen;
   const MarkerCorners corners = test::corners_of(mount, lens, {});
   for (std::size_t p = 0; p < kPlates; ++p) {
@@ -72,12 +72,9 @@ bool says(const std::string& text, const char* part) { return text.find(part) !=
 
 /// A session of a finger, frame by frame.
 struct TestSession {
-  TestSession(const FingerSpec& spec, const CameraIntrinsics& c) : width(c.width_px), height(c.height_px) {
-    SessionInfo info{.width_px = c.width_px,
-                     .height_px = c.height_px,
+  TestSession(const FingerSpec& spec, const Lens& lens) : width(lens.width_px), height(lens.height_px) {
+    SessionInfo info{.lens = lens,
                      .frames_per_second = 60,
-                     .fx_fy_cx_cy = {c.fx, c.fy, c.cx, c.cy},
-                     .k1_k2_p1_p2_k3 = {c.k1, c.k2, c.p1, c.p2, c.k3},
                      .marker_dictionary = "DICT_4X4_50",
                      .marker_id = {0, 1, 2},
                      .marker_size_mm = spec.marker_size_mm,
@@ -96,7 +93,7 @@ struct TestSession {
 }  // namespace
 
 TEST_CASE("mount estimate: recovers how camera and markers are mounted, as well as it says") {
-  const CameraModel lens = test::camera_1280x720();
+  const Lens lens = test::camera_1280x720();
   const MountModel nominal = test::test_mount();
   test::Random random(11);
   constexpr int kTimes = 30;
@@ -113,7 +110,7 @@ TEST_CASE("mount estimate: recovers how camera and markers are mounted, as well 
 }
 
 TEST_CASE("mount estimate: a camera that alone is displaced is found where it is") {
-  const CameraModel lens = test::camera_1280x720();
+  const Lens lens = test::camera_1280x720();
   const MountModel nominal = test::test_mount();
   test::Random random(5);
   Change truth = Change::Zero();
@@ -130,7 +127,7 @@ TEST_CASE("mount estimate: a camera that alone is displaced is found where it is
 }
 
 TEST_CASE("mount estimate: what no mount explains, and what is too far away, is refused") {
-  const CameraModel lens = test::camera_1280x720();
+  const Lens lens = test::camera_1280x720();
   const MountModel nominal = test::test_mount();
   test::Random random(5);
   RestingCorners seen = corners_of(nominal, lens, random);
@@ -145,7 +142,7 @@ TEST_CASE("mount estimate: what no mount explains, and what is too far away, is 
 TEST_CASE("mount estimate: from a rendered session of a finger whose camera sits askew") {
   FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
   const MountModel nominal = mount_of(spec);
-  const CameraIntrinsics& c = spec.cameras[1];
+  const Lens& c = spec.cameras[1];
   Change truth = Change::Zero();
   truth.col(0) << 1, -1.5, 0.5, 0.02, 0.03, -0.02;
   truth(0, 1) = 0.3;
@@ -161,7 +158,7 @@ TEST_CASE("mount estimate: from a rendered session of a finger whose camera sits
 
   const RestingCorners seen = resting_corners(session.folder.path(), nominal);
   CHECK(seen.frames == 12);
-  const CameraModel lens = camera_of(read_session_info(session.folder.path()));
+  const Lens lens = read_session_info(session.folder.path()).lens;
   const MountEstimate found = estimate_mount(nominal, lens, seen, "session");
   CHECK(found.rms_px < 0.1);
   CHECK(((found.change - truth).cwiseQuotient(found.sigma)).cwiseAbs().maxCoeff() < 3);

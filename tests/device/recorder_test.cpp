@@ -20,10 +20,8 @@ namespace {
 
 SessionInfo info() {
   SessionInfo info;
-  info.width_px = 32;
-  info.height_px = 16;
   info.frames_per_second = 60;
-  info.fx_fy_cx_cy = {30, 30, 16, 8};
+  info.lens = {32, 16, 30, 30, 16, 8};
   info.marker_dictionary = "DICT_4X4_50";
   info.marker_id = {1, 2, 3};
   info.marker_size_mm = 8;
@@ -98,7 +96,7 @@ TEST_CASE("recorder: a recording is a session that can be replayed, with the reg
     CHECK(recorder.state() == Recorder::State::kIdle);
     const auto session = folder / "recordings" / ("session-000" + std::to_string(recording));
     const SessionInfo read = read_session_info(session);
-    CHECK(read.fx_fy_cx_cy == info().fx_fy_cx_cy);
+    CHECK(read.lens == info().lens);
     CHECK(read.description.find("5 frames, 0 left out") != std::string::npos);
     Y4mReader images(session / kSessionFrames);
     std::vector<std::uint8_t> grey;
@@ -171,7 +169,7 @@ TEST_CASE("recorder: when it says done, every file and its name are on the disk"
 TEST_CASE("recorder: frames that a slow disk has no time for are left out and counted, the others are whole") {
   const test::ScratchFolder folder;
   SessionInfo large = info();  // larger than what is written at once
-  large.width_px = large.height_px = 400;
+  large.lens.width_px = large.lens.height_px = 400;
   Recorder recorder(folder.path(), large);
   recorder.start();
   REQUIRE(settles(recorder));

@@ -114,7 +114,7 @@ TEST_CASE("visibility: a marker at the image's edge is refused for the image tha
 
 TEST_CASE("visibility: points where the distortion folds back do not count as seen") {
   FingerSpec spec = srm();
-  for (CameraIntrinsics& camera : spec.cameras) camera.k1 = -6;  // folds back at a radius of 0.24
+  for (Lens& camera : spec.cameras) camera.k1 = -6;  // folds back at a radius of 0.24
   CHECK_MESSAGE(refusal(spec).find("outside the image") != std::string::npos, refusal(spec));
 }
 

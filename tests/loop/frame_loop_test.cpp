@@ -51,7 +51,7 @@ LoopSettings holding(int ms) {
 
 /// Feeds a loop one frame every 60th of a second.
 struct Feeder {
-  explicit Feeder(const std::optional<CameraModel>& camera = std::nullopt, const LoopSettings& settings = {})
+  explicit Feeder(const std::optional<Lens>& camera = std::nullopt, const LoopSettings& settings = {})
       : loop(model(), camera, settings) {}
 
   const RegisterImage& step(Frame frame) {
@@ -73,7 +73,7 @@ bool touch_registers_are_invalid(const RegisterImage& image) {
          image.words[16] == kNoInt16;
 }
 
-std::vector<std::uint8_t> painted(const CameraModel& camera, const PlatePoses& poses, std::uint64_t seed) {
+std::vector<std::uint8_t> painted(const Lens& camera, const PlatePoses& poses, std::uint64_t seed) {
   test::Paint paint;
   paint.samples = 37;
   return test::paint_plates(model().mount, camera, poses.plates, paint, seed);
@@ -88,13 +88,13 @@ PlatePoses moved_as_one(const Vec3f& by_mm) {
 /// One scene again and again, with as much noise of its own in each image as none is frozen.
 class Images {
  public:
-  Images(const CameraModel& camera, const PlatePoses& poses) : camera_(camera) {
+  Images(const Lens& camera, const PlatePoses& poses) : camera_(camera) {
     for (std::uint64_t seed = 1; seed <= 6; ++seed) grey_.push_back(painted(camera, poses, seed));
   }
   Frame next() const { return test::frame_of(camera_, grey_[next_++ % grey_.size()]); }
 
  private:
-  CameraModel camera_;
+  Lens camera_;
   std::vector<std::vector<std::uint8_t>> grey_;
   mutable std::size_t next_ = 0;
 };
@@ -240,7 +240,7 @@ TEST_CASE("loop: a camera that never delivers gives invalid values and no age") 
 }
 
 TEST_CASE("loop: plates that stand displaced as one body mean a camera that was knocked, until the next zero") {
-  const CameraModel camera = test::camera_640x480();
+  const Lens camera = test::camera_640x480();
   Feeder feeder(camera);
   const Images images(camera, moved_as_one(Vec3f(1.2F, 0, 0)));
   for (int frame = 1; frame < MountCheck::kFrames; ++frame) REQUIRE(feeder.step(images.next()).words[1] == 0);
@@ -251,7 +251,7 @@ TEST_CASE("loop: plates that stand displaced as one body mean a camera that was 
 }
 
 TEST_CASE("loop: what plates tell of touches counts for nothing while the camera is not where it was") {
-  const CameraModel camera = test::camera_640x480();
+  const Lens camera = test::camera_640x480();
   Feeder feeder(camera);
   const Images images(camera, moved_as_one(Vec3f(0, 0, 4)));
   for (int frame = 1; frame < MountCheck::kFrames; ++frame) {
@@ -308,7 +308,7 @@ TEST_CASE("loop: the camera's counter may wrap, and may start anew") {
 
 TEST_CASE("loop: an image for a loop without a camera is one without markers") {
   Feeder feeder;
-  const CameraModel camera = test::camera_640x480();
+  const Lens camera = test::camera_640x480();
   const std::vector<std::uint8_t> grey = painted(camera, touched(), 1);
   const RegisterImage& image = feeder.step(test::frame_of(camera, grey));
   CHECK(image.words[0] == kAnyFault);
@@ -316,7 +316,7 @@ TEST_CASE("loop: an image for a loop without a camera is one without markers") {
 }
 
 TEST_CASE("loop: images give the same registers as the poses that they show, within what pixels can tell") {
-  const CameraModel camera = test::camera_1280x720();
+  const Lens camera = test::camera_1280x720();
   Feeder seeing(camera), knowing;
   const std::vector<std::uint8_t> grey = painted(camera, touched(), 1);
   const RegisterImage& seen = seeing.step(test::frame_of(camera, grey));
@@ -335,7 +335,7 @@ TEST_CASE("loop: images give the same registers as the poses that they show, wit
 }
 
 TEST_CASE("loop: a frozen camera is a fault, and its image is never shown as fresh") {
-  const CameraModel camera = test::camera_640x480();
+  const Lens camera = test::camera_640x480();
   Feeder feeder(camera);
   const std::vector<std::uint8_t> grey = painted(camera, touched(), 1), other = painted(camera, touched(), 2);
   CHECK((feeder.step(test::frame_of(camera, grey)).words[0] & (kTouchValid | kHeld)) == kTouchValid);
@@ -373,7 +373,7 @@ TEST_CASE("loop: a finger that is touched gets no zero, wherever the zero before
 }
 
 TEST_CASE("loop: without light the fault says so once nothing is held any more") {
-  const CameraModel camera = test::camera_640x480();
+  const Lens camera = test::camera_640x480();
   Feeder feeder(camera);
   feeder.step(test::frame_of(camera, painted(camera, touched(), 1)));
   std::vector<std::uint8_t> grey(static_cast<std::size_t>(camera.width_px) * camera.height_px);
@@ -410,7 +410,7 @@ TEST_CASE("loop: frames with recorded poses allocate nothing, whatever happens, 
 
 // OpenCV's detector allocates in every window that it looks at, as any user of it must accept. All else does not.
 TEST_CASE("loop: images allocate what the marker detector does, and not once more") {
-  const CameraModel camera = test::camera_640x480();
+  const Lens camera = test::camera_640x480();
   const std::vector<std::uint8_t> bent = painted(camera, touched(), 1), further = painted(camera, touched(1.1f), 2),
                                   dark(bent.size(), 20);
   const std::vector<std::uint8_t>* shown[] = {&bent, &further, &bent, &dark, &dark, &bent, &further};

@@ -26,11 +26,8 @@ struct Time {
 /// A session of five tiny frames at 50 per second (20 ms each); every pixel of frame k is k.
 struct Session {
   fs::path path = fs::temp_directory_path() / ("finsight_replay_" + std::to_string(getpid()));
-  SessionInfo info{.width_px = 4,
-                   .height_px = 2,
+  SessionInfo info{.lens = {4, 2, 3, 3, 2, 1},
                    .frames_per_second = 50,
-                   .fx_fy_cx_cy = {3, 3, 2, 1},
-                   .k1_k2_p1_p2_k3 = {},
                    .marker_dictionary = "DICT_4X4_50",
                    .marker_id = {0, 1, 2},
                    .marker_size_mm = 8,
@@ -150,7 +147,7 @@ TEST_CASE("replay: sessions that contradict themselves or hold no frame are refu
   Time time;
   const auto refused = [&] { CHECK_THROWS_AS(open_session_camera(session.settings(time)), InputError); };
   const SessionInfo good = session.info;
-  session.info.width_px = 5;
+  session.info.lens.width_px = 5;
   session.write_info();
   refused();
   session.info = good;

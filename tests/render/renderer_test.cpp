@@ -23,16 +23,16 @@ FingerSpec default_spec() { return read_finger_spec(FINSIGHT_SOURCE_DIR "/hostge
 /// An image that nothing spoils, on an even background.
 ImageQuality clean() { return {.blur_px = 0, .read_noise = 0, .shot_noise = 0, .vignetting = 0, .light_gradient = 0}; }
 
-Image rendered(const FingerSpec& spec, const CameraIntrinsics& camera, const ImageQuality& quality,
-               const Plates& plates, std::uint64_t seed = 1) {
+Image rendered(const FingerSpec& spec, const Lens& camera, const ImageQuality& quality, const Plates& plates,
+               std::uint64_t seed = 1) {
   Image grey;
   Renderer(spec, camera, quality, seed).render(plates, grey);
   return grey;
 }
 
 /// Where OpenCV sees points of a plate's face (u right, v up), when the plate has moved.
-std::vector<cv::Point2d> seen_at(const FingerSpec& spec, const CameraIntrinsics& c, int plate,
-                                 const PlateMotion& motion, const std::vector<Eigen::Vector2d>& points_mm) {
+std::vector<cv::Point2d> seen_at(const FingerSpec& spec, const Lens& c, int plate, const PlateMotion& motion,
+                                 const std::vector<Eigen::Vector2d>& points_mm) {
   const Eigen::Isometry3d& rest = spec.plates[plate].T_finger_marker;
   const Eigen::Matrix3d R = so3_exp(motion.rotation_rad.cast<double>());
   std::vector<cv::Point3d> in_camera;
@@ -84,7 +84,7 @@ Plates pushed() {
 
 TEST_CASE("renderer: every module of every marker has its grey where OpenCV projects it") {
   const FingerSpec spec = default_spec();
-  for (const CameraIntrinsics& camera : spec.cameras) {
+  for (const Lens& camera : spec.cameras) {
     ImageQuality usual = clean();
     usual.blur_px = 0.6;
     usual.read_noise = 1.5;
@@ -117,7 +117,7 @@ TEST_CASE("renderer: every module of every marker has its grey where OpenCV proj
 
 TEST_CASE("renderer: a plate's area and centroid are those of its projected outline, wherever it moves") {
   FingerSpec spec = default_spec();
-  const CameraIntrinsics& camera = spec.cameras[0];
+  const Lens& camera = spec.cameras[0];
   spec.plates[kMiddlePlate].across = {0, 1e-9};  // only the low plate is left: the nearest, far off the axis
   spec.plates[kTopPlate].across = {0, 1e-9};
   ImageQuality white_on_black = clean();
@@ -164,7 +164,7 @@ TEST_CASE("renderer: a plate's area and centroid are those of its projected outl
 
 TEST_CASE("renderer: the same seed gives the same bytes, another seed or the next image other noise") {
   const FingerSpec spec = default_spec();
-  const CameraIntrinsics& camera = spec.cameras[1];
+  const Lens& camera = spec.cameras[1];
   Renderer one(spec, camera, {}, 7), same(spec, camera, {}, 7), other(spec, camera, {}, 8);
   Image first, first_again, second, second_again, different;
   one.render(pushed(), first);
@@ -180,7 +180,7 @@ TEST_CASE("renderer: the same seed gives the same bytes, another seed or the nex
 
 TEST_CASE("renderer: noise has the stated size, mean zero, and no two pixels alike") {
   FingerSpec spec = default_spec();
-  const CameraIntrinsics& camera = spec.cameras[1];
+  const Lens& camera = spec.cameras[1];
   ImageQuality quality = clean();
   quality.read_noise = 3;
   quality.shot_noise = 0.4;
@@ -204,7 +204,7 @@ TEST_CASE("renderer: noise has the stated size, mean zero, and no two pixels ali
 
 TEST_CASE("renderer: the light falls off towards the corners and from right to left") {
   const FingerSpec spec = default_spec();
-  const CameraIntrinsics& camera = spec.cameras[0];
+  const Lens& camera = spec.cameras[0];
   ImageQuality quality = clean();
   quality.vignetting = 0.35;
   quality.light_gradient = 0.25;
@@ -221,7 +221,7 @@ TEST_CASE("renderer: the light falls off towards the corners and from right to l
 
 TEST_CASE("renderer: the nearer plate covers the farther one, whichever comes first") {
   FingerSpec spec = default_spec();
-  const CameraIntrinsics& camera = spec.cameras[0];
+  const Lens& camera = spec.cameras[0];
   Plates plates;
   // The middle of the top plate is brought onto the line of sight to the middle of the low one, behind it.
   const Eigen::Vector3d eye = spec.T_finger_camera.translation();
@@ -240,7 +240,7 @@ TEST_CASE("renderer: the nearer plate covers the farther one, whichever comes fi
 
 TEST_CASE("renderer: plates that cannot be seen leave the background as it is") {
   const FingerSpec spec = default_spec();
-  const CameraIntrinsics& camera = spec.cameras[1];
+  const Lens& camera = spec.cameras[1];
   const float half_turn = static_cast<float>(std::numbers::pi);
   const std::vector<PlateMotion> unseen = {{Vec3f(0, -300, 0), Vec3f::Zero()},        // behind the camera
                                            {Vec3f(0, 0, 0), Vec3f(half_turn, 0, 0)},  // from behind
@@ -271,7 +271,7 @@ TEST_CASE("renderer: plates that cannot be seen leave the background as it is") 
 
 TEST_CASE("renderer: an exposure is the mean of its scenes") {
   const FingerSpec spec = default_spec();
-  const CameraIntrinsics& camera = spec.cameras[1];
+  const Lens& camera = spec.cameras[1];
   Renderer::Scene first, second;
   second.plates[kTopPlate].displacement_mm = {3, 0, 1};
   const Image a = rendered(spec, camera, clean(), first.plates), b = rendered(spec, camera, clean(), second.plates);

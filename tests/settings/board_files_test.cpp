@@ -107,7 +107,7 @@ TEST_CASE("board files: a camera's keys are read, and what is left out is automa
   CHECK(!settings.camera.gain);
   CHECK(settings.lens.width_px == 640);
   CHECK(settings.lens.fy == 401);
-  CHECK(settings.lens.k1 == 0.1F);
+  CHECK(settings.lens.k1 == 0.1);
 }
 
 TEST_CASE("board files: a camera that cannot be is refused with line and key") {

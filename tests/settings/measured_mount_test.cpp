@@ -94,7 +94,7 @@ TEST_CASE("measured mount: with it a displaced camera sees a finger at rest at r
   tiny.prior_mean.assign(prior.view().mean.begin(), prior.view().mean.end());
   tiny.prior_covariance.assign(prior.view().covariance.begin(), prior.view().covariance.end());
   const Model model = tiny.open();
-  const CameraModel camera = test::camera_640x480();
+  const Lens camera = test::camera_640x480();
   const MeasuredMount measured = displaced();
   const MountModel real = corrected_mount(model.mount, measured);
   std::array<PlateMotion, kPlates> touched;

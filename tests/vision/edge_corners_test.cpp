@@ -12,7 +12,7 @@ using namespace finsight::test;
 namespace {
 
 /// Squares of 35 ... 80 pixels anywhere in the image, turned at will and tilted by `tilt_rad`.
-PaintedMarker random_marker(Random& random, const CameraModel& camera, double tilt_rad) {
+PaintedMarker random_marker(Random& random, const Lens& camera, double tilt_rad) {
   const double side_px = random.uniform(35, 80), z = 8 * camera.fx / side_px;
   const double angle = random.uniform(-3.14, 3.14);
   PaintedMarker marker;
@@ -50,7 +50,7 @@ std::array<Vec2f, 4> shifted(const std::array<Vec2f, 4>& corners, Random& random
   return moved;
 }
 
-std::array<Vec2f, 4> by_corner_sub_pix(const CameraModel& camera, std::vector<std::uint8_t>& grey,
+std::array<Vec2f, 4> by_corner_sub_pix(const Lens& camera, std::vector<std::uint8_t>& grey,
                                        const std::array<Vec2f, 4>& start) {
   std::vector<cv::Point2f> points;
   for (const Vec2f& corner : start) points.emplace_back(corner.x(), corner.y());
@@ -64,7 +64,7 @@ std::array<Vec2f, 4> by_corner_sub_pix(const CameraModel& camera, std::vector<st
 }  // namespace
 
 TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better than cornerSubPix") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   for (const double blur_px : {0.5, 0.7, 1.0}) {
     for (const double tilt_rad : {0.0, 0.35, 0.7}) {
       Errors edges, sub_pix;
@@ -93,7 +93,7 @@ TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better t
 }
 
 TEST_CASE("corners: exact to 0.02 pixels without noise, where the lens bends the edges most") {
-  CameraModel camera = camera_1280x720();
+  Lens camera = camera_1280x720();
   Paint paint;
   paint.read_noise = paint.shot_noise = paint.light_gradient = 0;
   PaintedMarker marker;
@@ -109,7 +109,7 @@ TEST_CASE("corners: exact to 0.02 pixels without noise, where the lens bends the
 }
 
 TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   PaintedMarker marker;
   marker.T_camera_marker =
       Eigen::Translation3d(0, 0, 70) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
@@ -130,7 +130,7 @@ TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
 }
 
 TEST_CASE("corners: no edges, no corners") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   const std::vector<std::uint8_t> flat(640 * 480, 120);
   const ImageView image{flat.data(), 640, 480, 640};
   const std::array<Vec2f, 4> square{Vec2f(100, 100), Vec2f(150, 100), Vec2f(150, 150), Vec2f(100, 150)};

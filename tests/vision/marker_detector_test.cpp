@@ -17,11 +17,11 @@ using namespace finsight::test;
 namespace {
 
 /// A lens without distortion that shows a marker at z = 100 mm with `side_px`.
-CameraModel small_camera(double side_px) {
-  CameraModel camera;
+Lens small_camera(double side_px) {
+  Lens camera;
   camera.width_px = camera.height_px = 160;
-  camera.fx = camera.fy = static_cast<float>(side_px * 100 / 8);
-  camera.cx = camera.cy = 79.5F;
+  camera.fx = camera.fy = side_px * 100 / 8;
+  camera.cx = camera.cy = 79.5;
   return camera;
 }
 
@@ -37,14 +37,14 @@ Paint quick_paint() {
   return paint;
 }
 
-ImageView view(const CameraModel& camera, const std::vector<std::uint8_t>& grey) {
+ImageView view(const Lens& camera, const std::vector<std::uint8_t>& grey) {
   return {grey.data(), camera.width_px, camera.height_px, camera.width_px};
 }
 
 constexpr SideLimits kSides{20, 120};
 
 /// By OpenCV's own detector with its defaults.
-std::vector<int> ids_by_opencv(const CameraModel& camera, const std::vector<std::uint8_t>& grey) {
+std::vector<int> ids_by_opencv(const Lens& camera, const std::vector<std::uint8_t>& grey) {
   const cv::Mat pixels(camera.height_px, camera.width_px, CV_8UC1, const_cast<std::uint8_t*>(grey.data()));
   const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50);
   std::vector<std::vector<cv::Point2f>> corners;
@@ -60,7 +60,7 @@ std::vector<int> ids_by_opencv(const CameraModel& camera, const std::vector<std:
 }  // namespace
 
 TEST_CASE("detector: every marker of the dictionary is read back, its corners in order from its own top left") {
-  const CameraModel camera = small_camera(48);
+  const Lens camera = small_camera(48);
   MarkerDetector detector;
   for (int id = 0; id < kDictionaryMarkers; ++id) {
     Image image(camera, quick_paint());
@@ -79,7 +79,7 @@ TEST_CASE("detector: every marker of the dictionary is read back, its corners in
 }
 
 TEST_CASE("detector: a code with one wrong bit is nobody's") {
-  const CameraModel camera = small_camera(48);
+  const Lens camera = small_camera(48);
   MarkerDetector detector;
   for (int bit = 0; bit < 16; ++bit) {
     std::array<std::uint8_t, 36> modules = marker_modules(7);
@@ -91,7 +91,7 @@ TEST_CASE("detector: a code with one wrong bit is nobody's") {
 }
 
 TEST_CASE("detector: an inverted marker is none") {
-  const CameraModel camera = small_camera(48);
+  const Lens camera = small_camera(48);
   std::array<std::uint8_t, 36> modules = marker_modules(7);
   for (std::uint8_t& module : modules) module ^= 1;
   Image image(camera, quick_paint());
@@ -101,7 +101,7 @@ TEST_CASE("detector: an inverted marker is none") {
 }
 
 TEST_CASE("detector: the same id at two places is listed twice, one print once") {
-  const CameraModel camera = small_camera(40);
+  const Lens camera = small_camera(40);
   Image image(camera, quick_paint());
   image.add(upright(5, -7));
   image.add(upright(5, 7));
@@ -113,7 +113,7 @@ TEST_CASE("detector: the same id at two places is listed twice, one print once")
 }
 
 TEST_CASE("detector: squares outside the limits are not looked at") {
-  const CameraModel camera = small_camera(48);
+  const Lens camera = small_camera(48);
   Image image(camera, quick_paint());
   image.add(upright(7));
   const std::vector<std::uint8_t> grey = image.develop(1);
@@ -132,7 +132,7 @@ TEST_CASE("detector: what OpenCV objects to is an empty list") {
 }
 
 TEST_CASE("detector: finds what OpenCV's own finds, and nothing else, in noise and at any tilt") {
-  const CameraModel camera = small_camera(40);
+  const Lens camera = small_camera(40);
   MarkerDetector detector;
   Random random(5);
   int theirs = 0, ours = 0;
@@ -161,7 +161,7 @@ TEST_CASE("detector: finds what OpenCV's own finds, and nothing else, in noise a
 }
 
 TEST_CASE("detector: noise has no squares worth reading") {
-  const CameraModel camera = small_camera(40);
+  const Lens camera = small_camera(40);
   MarkerDetector detector;
   Random random(7);
   for (const double sigma : {5.0, 20.0, 80.0}) {
@@ -174,7 +174,7 @@ TEST_CASE("detector: noise has no squares worth reading") {
 }
 
 TEST_CASE("detector: of more squares than it may read it reads the largest") {
-  CameraModel camera = small_camera(60);
+  Lens camera = small_camera(60);
   Image image(camera, quick_paint());
   image.add(upright(7));
   std::vector<std::uint8_t> grey = image.develop(1);
@@ -194,7 +194,7 @@ TEST_CASE("detector: of more squares than it may read it reads the largest") {
 }
 
 TEST_CASE("detector: an image full of edges is not searched") {
-  const CameraModel camera = small_camera(60);
+  const Lens camera = small_camera(60);
   Image image(camera, quick_paint());
   image.add(upright(7));
   const std::vector<std::uint8_t> grey = image.develop(1);

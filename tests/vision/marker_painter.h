@@ -28,11 +28,11 @@ inline Eigen::Vector3d marker_corner(double size_mm, int k) {
   return {(k == 1 || k == 2 ? 0.5 : -0.5) * size_mm, (k < 2 ? 0.5 : -0.5) * size_mm, 0};
 }
 
-inline Eigen::Vector2d project(const CameraModel& camera, const Eigen::Vector3d& point_mm) {
+inline Eigen::Vector2d project(const Lens& camera, const Eigen::Vector3d& point_mm) {
   return pixel_from_ray(camera, point_mm.head<2>() / point_mm.z());
 }
 
-inline std::array<Vec2f, 4> true_corners(const CameraModel& camera, const PaintedMarker& marker) {
+inline std::array<Vec2f, 4> true_corners(const Lens& camera, const PaintedMarker& marker) {
   std::array<Vec2f, 4> corners;
   for (int k = 0; k < 4; ++k) {
     corners[static_cast<std::size_t>(k)] =
@@ -52,7 +52,7 @@ struct Paint {
 
 class Image {
  public:
-  Image(const CameraModel& camera, const Paint& paint)
+  Image(const Lens& camera, const Paint& paint)
       : camera_(camera), paint_(paint), grey_(pixels(), static_cast<float>(paint.background)) {}
 
   void add(const PaintedMarker& marker) { add(marker, marker_modules(marker.id)); }
@@ -144,7 +144,7 @@ class Image {
     }
   }
 
-  CameraModel camera_;
+  Lens camera_;
   Paint paint_;
   std::vector<float> grey_;
 };

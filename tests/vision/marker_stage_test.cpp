@@ -20,12 +20,12 @@ Paint quick_paint() {
   return paint;
 }
 
-std::vector<std::uint8_t> paint_moved(const CameraModel& camera, const Numbers& numbers, std::uint64_t seed) {
+std::vector<std::uint8_t> paint_moved(const Lens& camera, const Numbers& numbers, std::uint64_t seed) {
   return paint_plates(test_mount(), camera, plate_motions(numbers), quick_paint(), seed);
 }
 
 /// Mean distance of the seen markers' corners from the truth.
-double mean_error_px(const CameraModel& camera, const Numbers& numbers, const MarkerCorners& found) {
+double mean_error_px(const Lens& camera, const Numbers& numbers, const MarkerCorners& found) {
   const MarkerCorners truth = corners_of(test_mount(), camera, plate_motions(numbers));
   double sum = 0;
   int count = 0;
@@ -38,7 +38,7 @@ double mean_error_px(const CameraModel& camera, const Numbers& numbers, const Ma
 }
 
 /// The test finger's markers painted one by one, some of them left out or given another id.
-std::vector<std::uint8_t> paint_ids(const CameraModel& camera, const std::array<int, kPlates>& ids) {
+std::vector<std::uint8_t> paint_ids(const Lens& camera, const std::array<int, kPlates>& ids) {
   const MountModel mount = test_mount();
   Image image(camera, quick_paint());
   for (std::size_t p = 0; p < kPlates; ++p) {
@@ -53,7 +53,7 @@ std::vector<std::uint8_t> paint_ids(const CameraModel& camera, const std::array<
 
 TEST_CASE("markers: all three found to 0.05 pixels, at rest and moved, in both image sizes") {
   const TestPrior prior;
-  for (const CameraModel& camera : {camera_1280x720(), camera_640x480()}) {
+  for (const Lens& camera : {camera_1280x720(), camera_640x480()}) {
     Random random(21);
     for (int i = 0; i < 4; ++i) {
       MarkerStage stage(test_mount(), camera);
@@ -68,7 +68,7 @@ TEST_CASE("markers: all three found to 0.05 pixels, at rest and moved, in both i
 
 TEST_CASE("markers: followed through a fast touch, and the window's corners are those of a full search") {
   const TestPrior prior;
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   MarkerStage following(test_mount(), camera);
   for (int i = 0; i < 6; ++i) {
     Numbers numbers = Numbers::Zero();
@@ -88,7 +88,7 @@ TEST_CASE("markers: followed through a fast touch, and the window's corners are 
 }
 
 TEST_CASE("markers: one that jumped out of its window is found again in the same frame") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> at_rest = paint_moved(camera, Numbers::Zero(), 1);
   REQUIRE(stage.find(frame_of(camera, at_rest)).seen == kAll);
@@ -101,7 +101,7 @@ TEST_CASE("markers: one that jumped out of its window is found again in the same
 }
 
 TEST_CASE("markers: strangers and missing ones are not seen; one that comes back is, within eight frames") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   const std::array<int, kPlates> ids = test_mount().marker_id;
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> strangers = paint_ids(camera, {0, 1, 49});
@@ -116,7 +116,7 @@ TEST_CASE("markers: strangers and missing ones are not seen; one that comes back
 }
 
 TEST_CASE("markers: one that was hidden for some frames is found again in its window at once") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   const std::array<int, kPlates> ids = test_mount().marker_id;
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> all = paint_ids(camera, ids), two = paint_ids(camera, {ids[0], -1, ids[2]});
@@ -128,7 +128,7 @@ TEST_CASE("markers: one that was hidden for some frames is found again in its wi
 }
 
 TEST_CASE("markers: one that is there twice is not seen") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   const std::array<int, kPlates> ids = test_mount().marker_id;
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> grey = paint_ids(camera, {ids[0], ids[2], ids[2]});
@@ -137,7 +137,7 @@ TEST_CASE("markers: one that is there twice is not seen") {
 }
 
 TEST_CASE("markers: none in frames that are no images of markers, and the next good frame is fine") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> good = paint_moved(camera, Numbers::Zero(), 1);
   std::vector<std::uint8_t> black(good.size(), 0), white(good.size(), 255), noise(good.size());
@@ -165,7 +165,7 @@ TEST_CASE("markers: none in frames that are no images of markers, and the next g
 }
 
 TEST_CASE("markers: rows may be padded") {
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   const std::vector<std::uint8_t> grey = paint_moved(camera, Numbers::Zero(), 1);
   std::vector<std::uint8_t> padded(704 * 480, 255);
   for (std::size_t y = 0; y < 480; ++y) std::copy_n(&grey[y * 640], 640, &padded[y * 704]);
@@ -180,16 +180,16 @@ TEST_CASE("markers: rows may be padded") {
 TEST_CASE("markers: a mount or camera that cannot be is refused") {
   const auto refused = [](auto change) {
     MountModel mount = test_mount();
-    CameraModel camera = camera_640x480();
+    Lens camera = camera_640x480();
     change(mount, camera);
     CHECK_THROWS_AS(MarkerStage(mount, camera), InputError);
   };
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  refused([](MountModel& m, CameraModel&) { m.marker_id[1] = 50; });
-  refused([](MountModel& m, CameraModel&) { m.marker_id[1] = m.marker_id[2]; });
-  refused([](MountModel& m, CameraModel&) { m.marker_size_mm = 0; });
-  refused([&](MountModel& m, CameraModel&) { m.marker_size_mm = nan; });
-  refused([](MountModel& m, CameraModel&) { m.T_finger_marker[0].translation().y() = -60; });
-  refused([&](MountModel& m, CameraModel&) { m.T_finger_camera.translation().x() = nan; });
-  refused([&](MountModel&, CameraModel& c) { c.fx = nan; });
+  refused([](MountModel& m, Lens&) { m.marker_id[1] = 50; });
+  refused([](MountModel& m, Lens&) { m.marker_id[1] = m.marker_id[2]; });
+  refused([](MountModel& m, Lens&) { m.marker_size_mm = 0; });
+  refused([&](MountModel& m, Lens&) { m.marker_size_mm = nan; });
+  refused([](MountModel& m, Lens&) { m.T_finger_marker[0].translation().y() = -60; });
+  refused([&](MountModel& m, Lens&) { m.T_finger_camera.translation().x() = nan; });
+  refused([&](MountModel&, Lens& c) { c.fx = nan; });
 }

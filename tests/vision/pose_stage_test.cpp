@@ -58,7 +58,7 @@ void check_close(const PlateMotion& found, const PlateMotion& truth, double mm, 
 TEST_CASE("poses: exact corners give the motion back, at rest and far bent") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  for (const CameraModel& camera : {camera_1280x720(), camera_640x480()}) {
+  for (const Lens& camera : {camera_1280x720(), camera_640x480()}) {
     PoseStage joint(mount, prior.view(), camera);
     PoseStage published(mount, prior.view(), camera, PoseMethod::kPublished);
     Random random(1);
@@ -89,7 +89,7 @@ TEST_CASE("poses: exact corners give the motion back, at rest and far bent") {
 TEST_CASE("poses: in 500 noisy views of nearly face-on squares the joint estimate flips none, IPPE alone many") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   PoseStage joint(mount, prior.view(), camera);
   PoseStage published(mount, prior.view(), camera, PoseMethod::kPublished);
   PoseErrors joint_errors, published_errors;
@@ -119,7 +119,7 @@ TEST_CASE("poses: in 500 noisy views of nearly face-on squares the joint estimat
 TEST_CASE("poses: one small square alone, 35 pixels and 0.1 pixels of noise, is flipped in less than 1 of 100") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   PoseStage stage(mount, prior.view(), camera);
   PoseStage published(mount, prior.view(), camera, PoseMethod::kPublished);
   Random random(3);
@@ -141,7 +141,7 @@ TEST_CASE("poses: one small square alone, 35 pixels and 0.1 pixels of noise, is 
 TEST_CASE("poses: of all mirror poses the most probable is taken: none is better than the one found") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   PoseStage stage(mount, prior.view(), camera);
   const PlateEstimator estimator(mount, prior.view(), camera.fx);
   Random random(9);
@@ -169,7 +169,7 @@ TEST_CASE("poses: of all mirror poses the most probable is taken: none is better
 TEST_CASE("poses: from a drawn image to plate motions") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_1280x720();
+  const Lens camera = camera_1280x720();
   PoseStage poses(mount, prior.view(), camera);
   Random random(4);
   for (int i = 0; i < 3; ++i) {
@@ -190,7 +190,7 @@ TEST_CASE("poses: from a drawn image to plate motions") {
 TEST_CASE("poses: plates that are not seen are completed from the prior, close to where they are") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_1280x720();
+  const Lens camera = camera_1280x720();
   Random random(5);
   for (const PoseMethod method : {PoseMethod::kJoint, PoseMethod::kPublished}) {
     PoseStage stage(mount, prior.view(), camera, method);
@@ -225,7 +225,7 @@ TEST_CASE("poses: nothing seen is invalid, and at rest") {
 TEST_CASE("poses: a plate that cannot be there is not seen and does not move the others") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_1280x720();
+  const Lens camera = camera_1280x720();
   PoseStage stage(mount, prior.view(), camera);
   Random random(6);
   const std::array<PlateMotion, kPlates> truth = plate_motions(prior.draw(random));
@@ -256,7 +256,7 @@ TEST_CASE("poses: a plate that cannot be there is not seen and does not move the
 
 TEST_CASE("poses: random corners are never fresh nonsense") {
   const TestPrior prior;
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   for (const PoseMethod method : {PoseMethod::kJoint, PoseMethod::kPublished}) {
     PoseStage stage(test_mount(), prior.view(), camera, method);
     Random random(7);
@@ -282,7 +282,7 @@ TEST_CASE("poses: random corners are never fresh nonsense") {
 TEST_CASE("poses: far from the prior the corners are believed, not the prior") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_1280x720();
+  const Lens camera = camera_1280x720();
   PoseStage stage(mount, prior.view(), camera);
   Random random(8);
   for (int i = 0; i < 20; ++i) {
@@ -303,8 +303,8 @@ TEST_CASE("poses: far from the prior the corners are believed, not the prior") {
 
 TEST_CASE("poses: a camera or prior that cannot be is refused") {
   const TestPrior prior;
-  CameraModel camera = camera_640x480();
-  camera.fx = std::numeric_limits<float>::quiet_NaN();
+  Lens camera = camera_640x480();
+  camera.fx = std::numeric_limits<double>::quiet_NaN();
   CHECK_THROWS_AS(PoseStage(test_mount(), prior.view(), camera), InputError);
   CHECK_THROWS_AS(PoseStage(test_mount(), PlatePrior{}, camera_640x480()), InputError);
 }
@@ -312,7 +312,7 @@ TEST_CASE("poses: a camera or prior that cannot be is refused") {
 TEST_CASE("poses: estimate allocates nothing after construction, seen or unseen, good or bad corners") {
   const MountModel mount = test_mount();
   const TestPrior prior;
-  const CameraModel camera = camera_640x480();
+  const Lens camera = camera_640x480();
   Random random(10);
   const MarkerCorners good = noisy(corners_of(mount, camera, plate_motions(prior.draw(random))), 0.15, random);
   MarkerCorners alone = good, none = good, turned = good, infinite = good;

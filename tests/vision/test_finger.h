@@ -13,12 +13,8 @@ namespace finsight::test {
 
 using Numbers = Eigen::Matrix<double, 18, 1>;
 
-inline CameraModel camera_1280x720() {
-  return {1280, 720, 736.05F, 735.90F, 615.63F, 365.71F, -0.3956F, 0.2259F, 0, 0, -0.0912F};
-}
-inline CameraModel camera_640x480() {
-  return {640, 480, 490.70F, 490.60F, 303.59F, 243.64F, -0.3956F, 0.2259F, 0, 0, -0.0912F};
-}
+inline Lens camera_1280x720() { return {1280, 720, 736.05, 735.90, 615.63, 365.71, -0.3956, 0.2259, 0, 0, -0.0912}; }
+inline Lens camera_640x480() { return {640, 480, 490.70, 490.60, 303.59, 243.64, -0.3956, 0.2259, 0, 0, -0.0912}; }
 
 /// The camera looks up along finger y from below the base; the markers look down at it, upright in its image.
 inline MountModel test_mount() {
@@ -93,7 +89,7 @@ inline PaintedMarker moved_marker(const MountModel& mount, const PlateMotion& mo
           mount.T_finger_camera.cast<double>().inverse() * T_finger_marker};
 }
 
-inline MarkerCorners corners_of(const MountModel& mount, const CameraModel& camera,
+inline MarkerCorners corners_of(const MountModel& mount, const Lens& camera,
                                 const std::array<PlateMotion, kPlates>& plates) {
   MarkerCorners corners;
   for (std::size_t p = 0; p < kPlates; ++p) {
@@ -103,7 +99,7 @@ inline MarkerCorners corners_of(const MountModel& mount, const CameraModel& came
   return corners;
 }
 
-inline std::vector<std::uint8_t> paint_plates(const MountModel& mount, const CameraModel& camera,
+inline std::vector<std::uint8_t> paint_plates(const MountModel& mount, const Lens& camera,
                                               const std::array<PlateMotion, kPlates>& plates, const Paint& paint,
                                               std::uint64_t seed) {
   Image image(camera, paint);
@@ -111,7 +107,7 @@ inline std::vector<std::uint8_t> paint_plates(const MountModel& mount, const Cam
   return image.develop(seed);
 }
 
-inline Frame frame_of(const CameraModel& camera, const std::vector<std::uint8_t>& grey) {
+inline Frame frame_of(const Lens& camera, const std::vector<std::uint8_t>& grey) {
   Frame frame;
   frame.grey = grey.data();
   frame.width_px = camera.width_px;
