@@ -209,11 +209,11 @@ bool Cholesky<S>::factor() {
 template <class S>
 bool Cholesky<S>::factor_and_solve(std::span<S> b) {
   assert(b.size() == solution_.size());
-  take(b);
+  permute_in(b);
   if (!factor_fronts(true)) return false;
   const FlushDenormals flush;
   for (std::size_t s = fronts_.size(); s-- > 0;) solve_backward(fronts_[s]);
-  give(b);
+  permute_out(b);
   return true;
 }
 
@@ -313,19 +313,19 @@ template <class S>
 void Cholesky<S>::solve(std::span<S> b) const {
   assert(usable_ && b.size() == solution_.size());
   const FlushDenormals flush;
-  take(b);
+  permute_in(b);
   for (const Front& front : fronts_) solve_forward(front);
   for (std::size_t s = fronts_.size(); s-- > 0;) solve_backward(fronts_[s]);
-  give(b);
+  permute_out(b);
 }
 
 template <class S>
-void Cholesky<S>::take(std::span<const S> b) const {
+void Cholesky<S>::permute_in(std::span<const S> b) const {
   for (std::size_t k = 0; k < order_.size(); ++k) std::copy_n(b.data() + 3 * order_[k], 3, solution_.data() + 3 * k);
 }
 
 template <class S>
-void Cholesky<S>::give(std::span<S> b) const {
+void Cholesky<S>::permute_out(std::span<S> b) const {
   for (std::size_t k = 0; k < order_.size(); ++k) std::copy_n(solution_.data() + 3 * k, 3, b.data() + 3 * order_[k]);
 }
 

@@ -80,8 +80,8 @@ class Cholesky {
                  int row_shift);
   bool factor_panel(const Front& front);
   bool factor_fronts(bool and_solve_forward);
-  void take(std::span<const S> b) const;
-  void give(std::span<S> b) const;
+  void permute_in(std::span<const S> b) const;
+  void permute_out(std::span<S> b) const;
   void solve_forward(const Front& front) const;
   void solve_backward(const Front& front) const;
   void solve_forward(const Front& front, simd::Vector<S>* x, simd::Vector<S>* w) const;

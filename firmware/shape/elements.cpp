@@ -60,7 +60,7 @@ double first_root(const double c[4]) {
 }  // namespace
 
 template <class S>
-Elements<S>::Elements(const ShapeModel& model, const Cholesky<S>& cholesky) {
+Elements<S>::Elements(const ShapeModel& model, const Cholesky<S>* cholesky) {
   std::vector<std::array<int, 4>> tets;
   for (int t = 0; t < model.tets; ++t) {
     std::array<int, 4> tet;
@@ -76,7 +76,8 @@ Elements<S>::Elements(const ShapeModel& model, const Cholesky<S>& cholesky) {
       if (free >= model.cholesky.blocks)
         throw InputError("shape model", "cholesky", std::to_string(model.cholesky.blocks) + " blocks",
                          "one for free node " + std::to_string(free));
-      return free >= 0 ? cholesky.position(free) : model.cholesky.blocks + node;
+      if (free < 0) return model.cholesky.blocks + node;
+      return cholesky ? cholesky->position(free) : free;
     };
     std::sort(tet.begin(), tet.end(), [&](int a, int b) { return order(a) < order(b); });
     const auto same_body = [&](int node) { return model.node_kind[node] == model.node_kind[tet[0]]; };
@@ -87,7 +88,7 @@ Elements<S>::Elements(const ShapeModel& model, const Cholesky<S>& cholesky) {
 }
 
 template <class S>
-void Elements<S>::add_batch(const ShapeModel& model, const Cholesky<S>& cholesky,
+void Elements<S>::add_batch(const ShapeModel& model, const Cholesky<S>* cholesky,
                             std::span<const std::array<int, 4>> tets) {
   Batch& batch = batches_.emplace_back();
   for (int lane = 0; lane < kWidth; ++lane) {
@@ -97,20 +98,26 @@ void Elements<S>::add_batch(const ShapeModel& model, const Cholesky<S>& cholesky
     for (int i = 0; i < 9; ++i) batch.B[i][lane] = static_cast<S>(inverse(i / 3, i % 3));
     batch.weight[lane] = repeated ? 0 : 1;
     for (int a = 0; a < 4; ++a) batch.offset[a][lane] = 3 * tet[a];
-    for (int k = 0; k < 10 && !repeated; ++k) {
-      const int row = tet[kElementBlocks[k][0]], column = tet[kElementBlocks[k][1]];
-      if (model.free_index[column] < 0) continue;
-      const std::int32_t source = 9 * k * kWidth + lane;
-      if (model.free_index[row] >= 0) {
-        const auto place = cholesky.place(model.free_index[row], model.free_index[column]);
-        block_targets_.push_back({source, static_cast<std::int32_t>(9 * place.index)});
-      } else if (model.node_kind[row] >= 2) {
-        couplings_.push_back({source, 3 * column, 3 * row});
-      }
-    }
+    if (cholesky && !repeated) add_targets(model, *cholesky, tet, lane);
   }
   batch.blocks_end = static_cast<std::int32_t>(block_targets_.size());
   batch.couplings_end = static_cast<std::int32_t>(couplings_.size());
+}
+
+template <class S>
+void Elements<S>::add_targets(const ShapeModel& model, const Cholesky<S>& cholesky, const std::array<int, 4>& tet,
+                              int lane) {
+  for (int k = 0; k < 10; ++k) {
+    const int row = tet[kElementBlocks[k][0]], column = tet[kElementBlocks[k][1]];
+    if (model.free_index[column] < 0) continue;
+    const std::int32_t source = 9 * k * kWidth + lane;
+    if (model.free_index[row] >= 0) {
+      const auto place = cholesky.place(model.free_index[row], model.free_index[column]);
+      block_targets_.push_back({source, static_cast<std::int32_t>(9 * place.index)});
+    } else if (model.node_kind[row] >= 2) {
+      couplings_.push_back({source, 3 * column, 3 * row});
+    }
+  }
 }
 
 template <class S>

@@ -16,8 +16,9 @@ namespace finsight {
 template <class S>
 class Elements {
  public:
-  /// Throws InputError for a tetrahedron that is inverted at rest.
-  Elements(const ShapeModel& model, const Cholesky<S>& cholesky);
+  /// Without a Cholesky factorisation to assemble for, gradient_and_hessian() must not be called. Throws InputError for
+  /// a tetrahedron that is inverted at rest.
+  explicit Elements(const ShapeModel& model, const Cholesky<S>* cholesky = nullptr);
 
   /// Energy, the sum over tetrahedra (paper, section 2.2); infinite if one is inverted or not finite.
   double energy(std::span<const S> x) const;
@@ -56,7 +57,8 @@ class Elements {
     std::int32_t source, free_offset, plate_offset;
   };
 
-  void add_batch(const ShapeModel& model, const Cholesky<S>& cholesky, std::span<const std::array<int, 4>> tets);
+  void add_batch(const ShapeModel& model, const Cholesky<S>* cholesky, std::span<const std::array<int, 4>> tets);
+  void add_targets(const ShapeModel& model, const Cholesky<S>& cholesky, const std::array<int, 4>& tet, int lane);
   static void gather(const Batch& batch, std::span<const S> x, V F[9]);
   static void scatter(const Batch& batch, const V g[12], std::span<S> gradient);
 

@@ -5,15 +5,21 @@
 #include <span>
 #include <vector>
 
-#include "firmware/shape/elements.h"
-#include "firmware/shape/rigid_plates.h"
+#include "firmware/shape/shape_state.h"
 
 namespace finsight {
 
-/// S is float (the frame loop) or double (references). Holds the present shape, which never has an inverted
-/// tetrahedron. Nothing allocates or throws after the constructor.
+/// A base class, because the elements of the ShapeState are arranged for a factorisation that exists before them.
 template <class S>
-class NewtonSolver {
+struct NewtonFactor {
+  explicit NewtonFactor(const ShapeModel& model) : cholesky_(model.cholesky) {}
+  Cholesky<S> cholesky_;
+};
+
+/// A shape that Newton steps improve. S is float (the frame loop) or double (references). Nothing allocates or throws
+/// after the constructor.
+template <class S>
+class NewtonSolver : private NewtonFactor<S>, public ShapeState<S> {
  public:
   /// The finger at rest. Throws InputError if the model is inconsistent.
   NewtonSolver(const ShapeModel& model, const MountModel& mount);
@@ -32,49 +38,43 @@ class NewtonSolver {
   /// of the way.
   Outcome solve(const PlatePoses& poses, int factorisations, int chord_steps);
   /// Newton steps with line search until a step moves no coordinate further than `tolerance_mm`; not ok after
-  /// `most_steps`.
-  Outcome converge(const PlatePoses& poses, double tolerance_mm, int most_steps);
+  /// `max_steps`.
+  Outcome converge(const PlatePoses& poses, double tolerance_mm, int max_steps);
 
-  void start_at_rest();
-  /// Continues from this shape [3 * nodes], whose plates are at `poses`. False, and nothing happens, if it has an
-  /// inverted tetrahedron or is not finite.
-  bool start_from(std::span<const float> node_mm, const PlatePoses& poses);
-  /// For a shape that start_from() refuses: goes from rest straight towards it, as far as no tetrahedron gets flat.
-  void start_towards(std::span<const float> node_mm, const PlatePoses& poses);
   /// The plates move further than one solve() carries them. What a solver finds on the far side of such a motion can be
   /// another minimum than the one that a finger gets to.
   bool is_jump(const PlatePoses& from, const PlatePoses& to) const;
-
-  std::span<const S> node_mm() const { return x_; }
-  /// Of the present shape; infinite if a tetrahedron is inverted or a position not finite.
-  double energy() const { return elements_.energy(x_); }
-  /// Of another shape [3 * nodes].
-  double energy_of(std::span<const S> node_mm) const { return elements_.energy(node_mm); }
-  S smallest_determinant() const { return elements_.smallest_determinant(x_); }
 
   static constexpr int kMaxFactorisations = 6;
   /// How far a step may carry a node of a plate.
   double plate_step_mm() const;
 
  private:
-  void assemble_trial(std::span<const float> node_mm, const PlateMotions& plates);
-  double aim(const PlateMotions& target);
-  double aim_at(const PlateMotions& plates);
-  bool take_step(bool new_factor, bool search, Outcome& outcome);
-  S search_line(S length, double slope);
-  void move(S length);
-  Outcome& fail(Outcome& outcome, const PlateMotions& plates_before);
+  /// One step, first as it is planned, then as it was taken.
+  struct Step {
+    PlateMotions aim;             ///< where it takes the plates
+    bool reaches_target = false;  ///< that is where they were asked to be, not only on the way there
+    bool moves_plates = false;
+    bool arrived = false;  ///< the plates are at the aim: the step was not cut short
+  };
+  enum class Kind { kNewton, kSearched, kChord };
 
-  Cholesky<S> cholesky_;
-  Elements<S> elements_;
-  RigidPlates rigid_plates_;
-  std::vector<S> rest_;
-  std::vector<std::int32_t> free_offsets_;  // 3 * node of every free node
-  std::vector<S> x_, before_, trial_, step_, gradient_, solution_;
-  PlateMotions plates_;  // where the plates are; nearly so after a step that was cut short
-  PlateMotions aim_;     // where the present step takes them
-  bool aim_is_target_ = true, plates_move_ = false;
-  bool plates_at_aim_ = true;
+  using NewtonFactor<S>::cholesky_;
+  using ShapeState<S>::elements_;
+  using ShapeState<S>::rigid_plates_;
+  using ShapeState<S>::free_offsets_;
+  using ShapeState<S>::x_;
+  using ShapeState<S>::trial_;
+  using ShapeState<S>::step_;
+  using ShapeState<S>::plates_;
+
+  Step plan(const PlateMotions& target);
+  double aim_at(const PlateMotions& plates);
+  bool take(Kind kind, Step& step, Outcome& outcome);
+  S search_line(S length, double slope);
+  Outcome go_back(Outcome outcome, const PlateMotions& plates);
+
+  std::vector<S> before_, gradient_, solution_;
 };
 
 extern template class NewtonSolver<float>;

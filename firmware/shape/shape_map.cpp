@@ -16,13 +16,13 @@ constexpr float kLargestScaled = 1.25f;
 
 using Features = std::array<float, ShapeMapModel::kFeatures>;
 
-Features map_features(const Eigen::Matrix<float, 18, 1>& numbers, std::span<const float> scale) {
+Features map_features(const PoseVector& motion, std::span<const float> scale) {
   Features features;
   float* x = features.data() + 1;
   features[0] = 1;
-  for (int i = 0; i < 18; ++i) x[i] = scale[i] * numbers[i];
-  for (int i = 0, k = 18; i < 18; ++i)
-    for (int j = i; j < 18; ++j, ++k) x[k] = x[i] * x[j];
+  for (int i = 0; i < kPoseDims; ++i) x[i] = scale[i] * motion[i];
+  for (int i = 0, k = kPoseDims; i < kPoseDims; ++i)
+    for (int j = i; j < kPoseDims; ++j, ++k) x[k] = x[i] * x[j];
   return features;
 }
 
@@ -34,15 +34,15 @@ ShapeMap::ShapeMap(const ShapeMapModel& map, const ShapeModel& shape) : map_(map
       throw InputError("shape map", field, std::to_string(found) + " numbers", std::to_string(expected));
   };
   const auto rank = static_cast<std::size_t>(std::max(map.rank, 0));
-  check("scale", map.scale.size(), 18);
+  check("scale", map.scale.size(), kPoseDims);
   check("weights", map.weights.size(), rank * ShapeMapModel::kFeatures);
   check("basis", map.basis.size(), rank * shape.rest_mm.size());
   coefficients_.resize(rank);
 }
 
 // x = rest + sum over the basis of (weights * features) * basis vector.
-void ShapeMap::evaluate(const Eigen::Matrix<float, 18, 1>& numbers, std::span<float> node_mm) const {
-  coefficients(numbers);
+void ShapeMap::evaluate(const PoseVector& motion, std::span<float> node_mm) const {
+  coefficients(motion);
   std::copy(rest_mm_.begin(), rest_mm_.end(), node_mm.begin());
   for (std::size_t k = 0; k < coefficients_.size(); ++k) {
     const float* basis = map_.basis.data() + k * rest_mm_.size();
@@ -51,15 +51,15 @@ void ShapeMap::evaluate(const Eigen::Matrix<float, 18, 1>& numbers, std::span<fl
 }
 
 // The scale makes the largest of the training one.
-bool ShapeMap::covers(const Eigen::Matrix<float, 18, 1>& numbers) const {
-  for (int i = 0; i < 18; ++i) {
-    if (!(std::abs(map_.scale[i] * numbers[i]) <= kLargestScaled)) return false;
+bool ShapeMap::covers(const PoseVector& motion) const {
+  for (int i = 0; i < kPoseDims; ++i) {
+    if (!(std::abs(map_.scale[i] * motion[i]) <= kLargestScaled)) return false;
   }
   return true;
 }
 
-std::span<const float> ShapeMap::coefficients(const Eigen::Matrix<float, 18, 1>& numbers) const {
-  const Features features = map_features(numbers, map_.scale);
+std::span<const float> ShapeMap::coefficients(const PoseVector& motion) const {
+  const Features features = map_features(motion, map_.scale);
   for (std::size_t k = 0; k < coefficients_.size(); ++k) {
     const float* weights = map_.weights.data() + k * features.size();
     coefficients_[k] = 0;

@@ -17,13 +17,13 @@ class ShapeMap {
 
   /// Writes [3 * nodes] positions. The nodes of the plates come out only nearly rigid (RigidPlates::place mends that).
   /// Does not allocate.
-  void evaluate(const Eigen::Matrix<float, 18, 1>& numbers, std::span<float> node_mm) const;
+  void evaluate(const PoseVector& motion, std::span<float> node_mm) const;
 
   /// Whether the plates move about as far as in the training, every number by itself. Beyond, the products are a guess.
-  bool covers(const Eigen::Matrix<float, 18, 1>& numbers) const;
+  bool covers(const PoseVector& motion) const;
 
   /// [rank]: how much of each basis vector the shape has; valid until the next call. Does not allocate.
-  std::span<const float> coefficients(const Eigen::Matrix<float, 18, 1>& numbers) const;
+  std::span<const float> coefficients(const PoseVector& motion) const;
 
  private:
   ShapeMapModel map_;

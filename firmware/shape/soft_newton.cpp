@@ -14,7 +14,7 @@ namespace finsight {
 
 template <class S>
 SoftNewtonSolver<S>::SoftNewtonSolver(const ShapeModel& model, const MountModel& mount, double omega)
-    : cholesky_(model.cholesky), elements_(model, cholesky_), rigid_plates_(model, mount), omega_(omega) {
+    : cholesky_(model.cholesky), elements_(model, &cholesky_), rigid_plates_(model, mount), omega_(omega) {
   for (const float coordinate : model.rest_mm) rest_.push_back(coordinate);
   for (int i = 0; i < model.nodes; ++i) {
     const int unknown = model.free_index[i];

@@ -64,7 +64,7 @@ HardCaseResult run_hard_case(const ShapeParts& parts, const HardCase& hard_case)
   result.allowed_mm = hard_case.allowed_mm;
   result.allowed_end_mm = hard_case.allowed_end_mm;
   result.may_end_flagged = hard_case.may_end_flagged;
-  ShapeStage stage(parts.shape, parts.map, parts.mount, hard_case.settings);
+  ShapeStage stage(parts, hard_case.settings);
   HardCaseTruth truth(parts, hard_case.unit_mm);
   const std::vector<PlatePoses>& frames = hard_case.motion.frames;
   for (std::size_t k = 0; k < frames.size(); ++k) {

@@ -158,7 +158,7 @@ HardCaseResult run_random_walk(const ShapeParts& parts, int frames) {
   HardCaseResult result{.name = "random walk of " + std::to_string(frames) + " frames"};
   result.allowed_steps = most_steps({});
   result.allowed_mm = result.allowed_end_mm = 0.1;
-  ShapeStage stage(parts.shape, parts.map, parts.mount, {});
+  ShapeStage stage(parts, {});
   HardCaseTruth truth(parts, 1);
   Random random(7);
   const Bend range{30, 10, 45};

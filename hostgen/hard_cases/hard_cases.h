@@ -5,16 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "firmware/model/model.h"
+#include "firmware/shape/shape_tier.h"
 
 namespace finsight::host {
-
-/// The parts of a model that the shape stage works on. They view memory of their owner.
-struct ShapeParts {
-  ShapeModel shape;
-  ShapeMapModel map;
-  MountModel mount;
-};
 
 /// What came out of one case.
 struct HardCaseResult {

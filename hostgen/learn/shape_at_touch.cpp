@@ -125,7 +125,7 @@ ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const Model& model, 
   }
 
   const ShapeMapData map = fit_contact_map(spec, train, seed + 1);
-  ShapeStage stage(model.shape, model.shape_map, model.mount, {.tier = ShapeSettings::Tier::kContact}, map.view());
+  ShapeStage stage({model.shape, model.shape_map, model.mount, map.view()}, {.tier = ShapeSettings::Tier::kContact});
   const TierAtTouch contact = judge("contact", stage, energy, test, model.shape);
   return {.energy_clean = clean.mean(),
           .energy_noisy = noisy.mean(),

@@ -67,7 +67,7 @@ json measure(const Model& model, const Schedule& schedule, const PlateMotionPath
   return {{"tier", schedule.tier},
           {"mesh_tets", model.shape.tets},
           {"factorisations",
-           schedule.settings.tier <= ShapeSettings::Tier::kContact ? 0 : schedule.settings.factorisations},
+           takes_newton_steps(schedule.settings.tier) ? schedule.settings.factorisations : 0},
           {"chords", schedule.settings.chord_steps},
           {"scalar", "float"},
           {"motion", motion.name},

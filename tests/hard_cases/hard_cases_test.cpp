@@ -44,7 +44,7 @@ struct Finger {
   static PlatePoses host_poses(const Eigen::RowVectorXf& numbers) {
     return seen_poses({numbers.data(), static_cast<std::size_t>(numbers.size())});
   }
-  host::ShapeParts parts() const { return {data.view(), map.view(), mount}; }
+  ShapeParts parts() const { return {data.view(), map.view(), mount}; }
 
   host::ShapeModelData data;
   MountModel mount;

@@ -153,7 +153,7 @@ TEST_CASE("cholesky: solves the Hessian of bent fingers of 1,000 to 19,000 tetra
     CAPTURE(model.tets);
     Cholesky<double> cholesky(model.cholesky);
     Cholesky<float> single(model.cholesky);
-    const Elements<double> elements(model, cholesky);
+    const Elements<double> elements(model, &cholesky);
     std::vector<double> x(data.rest_mm.begin(), data.rest_mm.end()), g(x.size()), still(x.size(), 0.0);
     for (std::size_t i = 0; i < x.size(); i += 3) x[i + 2] += 2e-3 * x[i + 1] * x[i + 1];
     elements.gradient_and_hessian(x, still, g, cholesky.values());

@@ -77,7 +77,7 @@ TEST_CASE("newton: the converged shape is a minimum: every free node's force is 
   REQUIRE(solver.converge(poses, 1e-10, 200).ok);
   CHECK(largest_plate_gap(f, solver, poses) < 1e-12);
   const Cholesky<double> cholesky(f.model().cholesky);
-  const Elements<double> elements(f.model(), cholesky);
+  const Elements<double> elements(f.model(), &cholesky);
   std::vector<double> x(solver.node_mm().begin(), solver.node_mm().end());
   const double h = 1e-4;
   double largest_force = 0;
@@ -317,7 +317,7 @@ TEST_CASE("newton: a schedule of another mesh is refused") {
 TEST_CASE("elements: the step to the first flat element agrees with bisection on determinants") {
   const Finger& f = small_finger();
   const Cholesky<double> cholesky(f.model().cholesky);
-  const Elements<double> elements(f.model(), cholesky);
+  const Elements<double> elements(f.model(), &cholesky);
   const std::vector<double> rest(f.data.rest_mm.begin(), f.data.rest_mm.end());
   test::Random random(11);
   int shortened = 0;

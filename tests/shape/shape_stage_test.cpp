@@ -82,7 +82,7 @@ const Dimple& dimple() {
 
 ShapeStage stage_of(Tier tier) {
   const Finger& f = finger();
-  return {f.data.view(), {1, f.scale, f.weights, f.basis}, f.mount, {.tier = tier}, dimple().view()};
+  return {{f.data.view(), {1, f.scale, f.weights, f.basis}, f.mount, dimple().view()}, {.tier = tier}};
 }
 
 double distance(const FingerShape& shape, const std::vector<double>& expected) {
@@ -160,7 +160,7 @@ TEST_CASE("shape stage: measures its displacements") {
   CHECK(static_cast<double>(shape.front_rms_mm) == doctest::Approx(std::sqrt(front / front_nodes)).epsilon(1e-5));
 }
 
-TEST_CASE("shape stage: quality follows the poses") {
+TEST_CASE("shape stage: every answer is fresh, whenever its poses were measured; without poses there is none") {
   ShapeStage stage = stage_of(Tier::kNewton);
   CHECK(stage.solve(PlatePoses{}).quality == Quality::kInvalid);
   PlatePoses poses = slope(1);
@@ -169,7 +169,7 @@ TEST_CASE("shape stage: quality follows the poses") {
   CHECK(stage.solve(poses).quality == Quality::kFresh);
   poses.seen[kMiddlePlate] = true;
   poses.quality = Quality::kHeld;
-  CHECK(stage.solve(poses).quality == Quality::kHeld);
+  CHECK(stage.solve(poses).quality == Quality::kFresh);
   poses.quality = Quality::kInvalid;
   CHECK(stage.solve(poses).quality == Quality::kInvalid);
 }
@@ -214,7 +214,6 @@ TEST_CASE("shape stage: poses that cannot be keep the last shape, flagged") {
   stage.solve(bad);
   CHECK(shape.fallback);
   CHECK(shape.iterations == 0);
-  CHECK(shape.quality == Quality::kHeld);
   CHECK(copy(shape) == last);
 }
 
@@ -225,7 +224,6 @@ TEST_CASE("shape stage: plates where no finger has them are flagged, and it reco
     for (int k = 0; k < 20; ++k) {
       const FingerShape& shape = stage.solve(below_base());
       CHECK(shape.fallback);
-      CHECK(shape.quality == Quality::kHeld);
       CHECK(finger().elements.smallest_determinant(shape.node_mm) > 0);
     }
     const FingerShape& shape = stage.solve(slope(2));
@@ -258,7 +256,7 @@ TEST_CASE("shape stage: a map that turns elements inside out never goes out, in 
   ShapeMap(map, f.data.view()).evaluate(pose_vector(slope(2)), raw);
   REQUIRE(elements.smallest_determinant(raw) < 0);
   for (const Tier tier : {Tier::kMap, Tier::kMapAndNewton, Tier::kNewton}) {
-    ShapeStage stage(f.data.view(), map, f.mount, {.tier = tier});
+    ShapeStage stage({f.data.view(), map, f.mount}, {.tier = tier});
     for (const PlatePoses& poses : {slope(2), below_base(), below_base(), slope(2)}) {
       const FingerShape& shape = stage.solve(poses);
       CHECK(shape.source == (tier == Tier::kMap ? ShapeSource::kMap : ShapeSource::kNewton));
@@ -284,7 +282,7 @@ TEST_CASE("shape stage: before the first shape there is none to hold") {
 TEST_CASE("shape stage: solve does not allocate, in any tier, whatever happens") {
   std::vector<PlatePoses> all = {slope(1), PlatePoses{}, slope(25), slope(-25), below_base(), slope(1)};
   all.back().plates[0].displacement_mm.x() = std::numeric_limits<float>::quiet_NaN();
-  for (const Tier tier : {Tier::kMap, Tier::kContact, Tier::kMapAndNewton, Tier::kNewton}) {
+  for (const Tier tier : {Tier::kMeasures, Tier::kMap, Tier::kContact, Tier::kMapAndNewton, Tier::kNewton}) {
     ShapeStage stage = stage_of(tier);
     const long before = test::allocations;
     for (const PlatePoses& poses : all) stage.solve(poses);
@@ -340,8 +338,8 @@ TEST_CASE("shape stage: beyond the contact map's training, and where its shape i
   const Finger& f = finger();
   std::vector<float> torn = dimple().basis;
   torn[3 * dimple().node + 2] += 50;  // turns elements inside out
-  ShapeStage bad(f.data.view(), {1, f.scale, f.weights, f.basis}, f.mount, {.tier = Tier::kContact},
-                 {1, dimple().scale, dimple().weights, torn});
+  const ShapeMapModel torn_map = {1, dimple().scale, dimple().weights, torn};
+  ShapeStage bad({f.data.view(), {1, f.scale, f.weights, f.basis}, f.mount, torn_map}, {.tier = Tier::kContact});
   const FingerShape& shape = bad.solve(slope(2));
   CHECK(shape.source == ShapeSource::kMap);
   CHECK_FALSE(shape.fallback);

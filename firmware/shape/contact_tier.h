@@ -1,0 +1,31 @@
+// Tier contact: the contact map's shape, which has the dimple under the touch that the plates cannot see.
+#pragma once
+
+#include "firmware/shape/map_tier.h"
+
+namespace finsight {
+
+class ContactTier final : public ShapeTier {
+ public:
+  explicit ContactTier(const ShapeParts& parts)
+      : state_(parts.shape, parts.mount), contact_map_(parts.contact_map, parts.shape), map_(parts.map, parts.shape) {}
+
+  /// The shape map answers where the plates are further than the contact map's training had them, or where its shape
+  /// has an inverted tetrahedron or more strain than any touch causes.
+  void solve(const PlatePoses& poses, const PoseVector& motion, FingerShape& shape) override {
+    const RigidPlates& plates = state_.plates();
+    if (contact_map_.covers(motion) && state_.start_from(contact_map_.evaluate(poses, motion, plates), poses) &&
+        !state_.is_overstrained()) {
+      shape.source = ShapeSource::kContactMap;
+      return;
+    }
+    answer_by_map(map_.evaluate(poses, motion, plates), poses, state_, shape);
+  }
+  std::span<const float> node_mm() const override { return state_.node_mm(); }
+
+ private:
+  ShapeState<float> state_;
+  MapShape contact_map_, map_;
+};
+
+}  // namespace finsight
