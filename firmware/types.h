@@ -1,7 +1,7 @@
-// The six nouns of the data path. Whoever reads this header and FrameLoop::step has read the product.
+// The nouns of the data path. Whoever reads this header and FrameLoop::step has read the product.
 //
-//   Frame -> MarkerCorners -> PlatePoses -> FingerShape -> RegisterImage -> PLC
-//                                       \-> Touch -------/
+//   Frame -> Observation -> (zero) -> (hold) -> FingerShape -> (verdict) -> RegisterImage -> PLC
+//                                            -> Touch -------^
 //
 // Units: millimetres, newtons, radians, pixels, nanoseconds. Finger frame: x across the finger, y up from its base,
 // z into the finger from the touched (front) face. Every noun has a fixed size or views memory that FrameLoop owns,
@@ -12,6 +12,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 namespace finsight {
@@ -60,14 +61,12 @@ struct PlatePoses {
   int seen_count() const { return int{seen[0]} + int{seen[1]} + int{seen[2]}; }
 };
 
-/// What the camera delivers: a grey image (8 bit, borrowed, valid during one step), or, when a file of recorded plate
-/// motions is replayed, the plates themselves; then `grey` is null and `poses` is set.
+/// What the camera delivers: a grey image, 8 bit, borrowed and valid during one step.
 struct Frame {
   const std::uint8_t* grey = nullptr;
   int width_px = 0;
   int height_px = 0;
   int stride_bytes = 0;
-  const PlatePoses* poses = nullptr;
   std::int64_t exposure_ns = 0;  ///< middle of the exposure on the steady clock
   std::uint32_t sequence = 0;    ///< camera's frame counter; a gap means dropped frames
 };
@@ -76,6 +75,33 @@ struct Frame {
 struct MarkerCorners {
   std::array<std::array<Vec2f, 4>, kPlates> corners_px;
   std::array<bool, kPlates> seen{};
+};
+
+/// What is wrong with an image as such; missing: none came in time.
+enum class ImageFault : std::uint8_t { kNone, kMissing, kFrozen, kDark, kBright, kBlurred };
+
+/// How well one rigid motion of the whole finger explains all corners that are seen.
+struct RigidMotionFit {
+  double size_mm = 0;          ///< length of the 18 numbers (mm, and 28.65 mm per rad): 1 mm per plate is 1.7
+  double reprojection_px = 0;  ///< RMS distance of all seen corners from where that motion puts them
+  /// Square of the angle (rad) by which they are off on average, less what their scatter makes of it; may be negative.
+  double unexplained_sq = 0;
+};
+
+/// Where the plates are when nothing touches the finger, as motions from the model's rest.
+using ZeroPose = std::array<PlateMotion, kPlates>;
+
+/// What one frame tells about the plates: seen by the vision stages, or recorded and replayed.
+struct Observation {
+  std::int64_t exposure_ns = 0;  ///< of the frame; the moment of asking where none came
+  std::uint32_t sequence = 0;    ///< of the frame
+  ImageFault image_fault = ImageFault::kNone;
+  PlatePoses poses{};  ///< motions from the model's rest, after FrameLoop's zero from the zero
+  std::optional<RigidMotionFit> rigid_motion{};  ///< from the zero; where all plates are seen by a camera
+  // What the frames before this one add to it, in FrameLoop's zero.
+  bool moved_as_one = false;  ///< the plates of this frame moved as one rigid body, which no touch can cause
+  bool camera_moved = false;  ///< they have done so for long: camera or finger were knocked
+  float shaken_mm = 0;        ///< see Shake
 };
 
 /// Which model made the shape ("model only what a scene needs").

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
 
+#include "firmware/loop/hold.h"
 #include "firmware/loop/mount_check.h"
 #include "firmware/loop/pose_filter.h"
 #include "firmware/loop/shake.h"
@@ -14,7 +14,7 @@
 #include "firmware/model/model.h"
 #include "firmware/shape/shape_stage.h"
 #include "firmware/touch/touch_stage.h"
-#include "firmware/vision/vision_stages.h"
+#include "firmware/vision/observer.h"
 
 namespace finsight {
 
@@ -29,14 +29,18 @@ struct LoopSettings {
 /// detector), throws, prints or waits; every stage always gives a value with a Quality.
 class FrameLoop {
  public:
-  /// Without a camera only frames that carry recorded poses can be processed. Throws InputError for a camera model that
-  /// cannot be one, and for a measured mount that cannot be this finger's.
+  /// Without a camera only recorded observations can be processed. Throws InputError for a camera model that cannot be
+  /// one, and for a mount that cannot be a finger's.
   FrameLoop(const Model& model, const std::optional<Lens>& camera, const LoopSettings& settings);
 
-  /// One frame through all stages: this function is the product.
+  /// One frame through all stages: this function is the product. Needs the camera.
   const RegisterImage& step(const Frame& frame);
 
-  /// No frame came until `now_ns` (steady clock): republishes what is held, or invalid values after the hold time.
+  /// The same from plates that were recorded instead of seen: motions from the model's rest. Those of plates that were
+  /// not seen are completed from the model's prior.
+  const RegisterImage& step(const Observation& recorded);
+
+  /// No frame came until `now_ns` (steady clock): publishes again what is held, or invalid values after the hold time.
   const RegisterImage& step_without_frame(std::int64_t now_ns);
 
   /// From the next frame on.
@@ -50,38 +54,23 @@ class FrameLoop {
   const LoopState& state() const { return state_; }
 
  private:
-  PlatePoses measure_poses(const Frame& frame);
-  const PlatePoses& hold_poses(const PlatePoses& measured, std::int64_t now_ns);
-  void check_mount(const Frame& frame);
-  const Touch& locate(const PlatePoses& poses);
-  void count_frame(const Frame& frame);
-  FaultCode fault(const FingerShape& shape) const;
-  const RegisterImage& publish(const PlatePoses& poses, const FingerShape& shape, const Touch& touch);
+  const RegisterImage& process(Observation seen, StageClock clock);
+  void zero(Observation& seen);
+  Touch locate(const Observation& seen, const PlatePoses& poses, const PoseVector& motion);
+  void judge(const Observation& seen, const FingerShape& shape, const Touch& touch);
+  const RegisterImage& publish(const Observation& seen, const PlatePoses& poses, const FingerShape& shape,
+                               const Touch& touch);
+  void count(const Observation& seen);
 
-  struct Vision {
-    Vision(const MountModel& mount, const PlatePrior& prior, const Lens& lens)
-        : markers(mount, in_single_precision(lens)), poses(mount, prior, in_single_precision(lens)) {}
-    MarkerStage markers;
-    ImageCheck check;
-    PoseStage poses;
-  };
   const Model& model_;
-  std::optional<Vision> vision_;
-  ShapeStage shape_;
-  TouchStage touch_;
-  const Touch no_touch_{};  ///< what plates tell that moved as one, and while the camera is not where it was
+  std::optional<Observer> observer_;
   Zeroing zeroing_;
   MountCheck mount_check_;
   Shake shake_;
-  float shaken_mm_ = 0;
   PoseFilter filter_;
-  PlatePoses measured_;  ///< of this frame, completed and zeroed
-  PlatePoses held_;      ///< the last ones that were fresh
-  std::int64_t held_since_ns_ = 0;
-  bool hold_is_over_ = true;
-  ImageFault image_fault_ = ImageFault::kNone;
-  bool camera_moved_ = false;
-  bool one_body_ = false;  ///< this frame's plates have moved as one
+  Hold hold_;
+  ShapeStage shape_;
+  TouchStage touch_;
   FaultCode lasting_fault_ = FaultCode::kNone;
   std::uint32_t last_sequence_ = 0;
   LoopState state_;

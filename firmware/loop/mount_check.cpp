@@ -5,9 +5,9 @@
 
 namespace finsight {
 
-bool MountCheck::look(const PlatePoses& poses, const RigidMotionFit& fit) {
-  if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return knocked_;
-  if (!std::isfinite(fit.unexplained_sq)) {
+bool MountCheck::update(const PlatePoses& poses, const std::optional<RigidMotionFit>& fit) {
+  if (!fit || poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return knocked_;
+  if (!std::isfinite(fit->unexplained_sq)) {
     frames_ = 0;
     return knocked_;
   }
@@ -26,9 +26,9 @@ bool MountCheck::look(const PlatePoses& poses, const RigidMotionFit& fit) {
   for (std::size_t p = 0; p < kPlates; ++p) {
     mean_mm_[p] += (poses.plates[p].displacement_mm - mean_mm_[p]) / static_cast<float>(frames_);
   }
-  mean_fit_.size_mm += (fit.size_mm - mean_fit_.size_mm) / frames_;
-  mean_fit_.unexplained_sq += (fit.unexplained_sq - mean_fit_.unexplained_sq) / frames_;
-  if (frames_ == kFrames) knocked_ = is_one_body(mean_fit_);
+  mean_fit_.size_mm += (fit->size_mm - mean_fit_.size_mm) / frames_;
+  mean_fit_.unexplained_sq += (fit->unexplained_sq - mean_fit_.unexplained_sq) / frames_;
+  if (frames_ == kFrames) knocked_ = is_rigid_motion(mean_fit_);
   return knocked_;
 }
 

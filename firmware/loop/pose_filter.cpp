@@ -12,7 +12,7 @@ constexpr double kLongestGap_ns = 200e6;
 
 }  // namespace
 
-void PoseFilter::process(PlatePoses& poses, std::int64_t exposure_ns) {
+void PoseFilter::apply(PlatePoses& poses, std::int64_t exposure_ns) {
   if (!(delay_ns_ > 0) || poses.quality != Quality::kFresh) return;
   const auto elapsed_ns = static_cast<double>(exposure_ns - last_ns_);
   const bool follows =

@@ -13,8 +13,10 @@ class PoseFilter {
  public:
   /// 0: poses pass unchanged.
   explicit PoseFilter(double delay_ms) : delay_ns_(delay_ms * 1e6) {}
-  /// Only fresh poses take part. A gap, or plates that are seen no longer or again, begin anew with what is measured.
-  void process(PlatePoses& poses, std::int64_t exposure_ns);
+  /// Only fresh poses take part. A gap, or plates that are seen no longer or again, start over with what is measured.
+  void apply(PlatePoses& poses, std::int64_t exposure_ns);
+  /// What was measured so far was measured from another zero.
+  void reset() { last_.quality = Quality::kInvalid; }
 
  private:
   double delay_ns_;

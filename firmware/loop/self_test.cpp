@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "firmware/input_error.h"
+#include "firmware/loop/hold.h"
 #include "firmware/modbus/registers.h"
 #include "firmware/touch/touch_stage.h"
 
@@ -54,8 +55,12 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
   ShapeStage shape_stage(model, settings);
   TouchStage touch_stage(model);
   const PlatePoses poses = seen_poses(numbers);
-  const FingerShape& shape = shape_stage.solve(poses);
-  const Touch& touch = touch_stage.locate(poses);
+  LoopState state;
+  state.rated_deformation_mm = model.rated_deformation_mm;
+  Hold hold;
+  hold.poses(poses, 0, state.settings);
+  const FingerShape shape = hold.shape(shape_stage.solve(poses));
+  const Touch touch = hold.touch(touch_stage.locate(poses));
 
   SelfTestAnswer answer;
   answer.shape_mm.assign(shape.node_mm.begin(), shape.node_mm.end());
@@ -64,8 +69,6 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
     answer.touch[static_cast<std::size_t>(3 + i)] = touch.contact_mm[i];
   }
   answer.touch[6] = touch.force_n;
-  LoopState state;
-  state.rated_deformation_mm = model.rated_deformation_mm;
   state.limits = next_threshold_state(state.limits, shape, touch, state.rated_deformation_mm, state.settings);
   encode_registers(poses, shape, touch, state, answer.registers);
   return answer;
@@ -74,7 +77,7 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
 void check_self_test(const Model& model) {
   const SelfTestModel& expected = model.self_test;
   for (std::size_t c = 0; c < static_cast<std::size_t>(expected.cases); ++c) {
-    const std::span<const float> numbers = expected.poses.subspan(18 * c, 18);
+    const std::span<const float> numbers = expected.poses.subspan(kPoseDims * c, kPoseDims);
     const SelfTestAnswer answer = answer_self_test(model, numbers);
     check_shape(model, c, "shape coordinate", answer.shape_mm, expected.shape_mm);
     for (std::size_t i = 0; i < answer.touch.size(); ++i) {

@@ -2,7 +2,7 @@
 
 namespace finsight {
 
-float Shake::look(const PlatePoses& poses, std::uint32_t sequence) {
+float Shake::update(const PlatePoses& poses, std::uint32_t sequence) {
   if (sequence - largest_sequence_ > kLastingFrames) largest_mm_ = 0;
   if (poses.quality != Quality::kFresh) return largest_mm_;
   const auto& [before, long_before] = last_;
@@ -16,7 +16,7 @@ float Shake::look(const PlatePoses& poses, std::uint32_t sequence) {
     largest_mm_ = second_mm;
     largest_sequence_ = sequence;
   }
-  last_ = {Sight{poses, sequence}, before};
+  last_ = {Sample{poses, sequence}, before};
   return largest_mm_;
 }
 

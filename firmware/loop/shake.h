@@ -16,14 +16,16 @@ class Shake {
 
   /// The largest second difference (mm) of any seen plate in the last frames, 0 below kMin_mm. In frames, not in
   /// seconds: a replay at full speed says the same. Frames without measured poses change nothing. Never allocates.
-  float look(const PlatePoses& poses, std::uint32_t sequence);
+  float update(const PlatePoses& poses, std::uint32_t sequence);
+  /// What was seen so far was seen from another zero.
+  void reset() { *this = Shake(); }
 
  private:
-  struct Sight {
+  struct Sample {
     PlatePoses poses;
     std::uint32_t sequence = 0;
   };
-  std::array<Sight, 2> last_;  // the last one first
+  std::array<Sample, 2> last_;  // the last one first
   float largest_mm_ = 0;
   std::uint32_t largest_sequence_ = 0;
 };

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <string>
 
+#include "firmware/types.h"
+
 namespace finsight {
 
 /// Times from 1 us to 17 s in buckets 1/16 of a power of two wide: a percentile is right within 5 %.
@@ -44,6 +46,27 @@ struct StageTimes {
   TimeHistogram poses, shape, touch, registers, frame;  ///< frame: all stages together
   /// A table with p50, p99 and worst in microseconds.
   std::string table() const;
+};
+
+/// Times the stages of one frame, each from the end of the one before.
+class StageClock {
+ public:
+  /// `counts`: false where there is no frame to time.
+  explicit StageClock(bool counts) : counts_(counts) {}
+  void lap(TimeHistogram& stage) {
+    const std::int64_t now_ns = steady_now_ns();
+    if (counts_) stage.add(now_ns - last_ns_);
+    last_ns_ = now_ns;
+  }
+  /// From the start to the last lap.
+  void finish(TimeHistogram& frame) const {
+    if (counts_) frame.add(last_ns_ - start_ns_);
+  }
+
+ private:
+  const bool counts_;
+  const std::int64_t start_ns_ = steady_now_ns();
+  std::int64_t last_ns_ = start_ns_;
 };
 
 }  // namespace finsight

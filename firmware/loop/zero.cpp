@@ -1,7 +1,6 @@
 #include "firmware/loop/zero.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "firmware/geometry/so3.h"
 
@@ -19,39 +18,43 @@ PlateMotion since(const PlateMotion& zero, const PlateMotion& now) {
 
 }  // namespace
 
-std::optional<bool> Zeroing::take_outcome() { return std::exchange(outcome_, std::nullopt); }
+void Zeroing::begin() {
+  running_ = true;
+  frames_ = tries_ = 0;
+  sum_ = {};
+  outcome_.reset();
+}
 
-bool Zeroing::process(PlatePoses& poses) {
-  const bool is_new = running_ && observe(poses);
-  if (!zero_ || poses.quality == Quality::kInvalid) return is_new;
+bool Zeroing::apply(PlatePoses& poses) {
+  if (running_) add(poses);
+  const bool has_changed = std::exchange(has_changed_, false);
+  if (!zero_ || poses.quality == Quality::kInvalid) return has_changed;
   for (int p = 0; p < kPlates; ++p) {
     poses.plates[p] = since((*zero_)[static_cast<std::size_t>(p)], poses.plates[p]);
   }
-  return is_new;
+  return has_changed;
 }
 
-bool Zeroing::end(bool done) {
+void Zeroing::end(bool done) {
   running_ = false;
   outcome_ = done;
-  return done;
 }
 
 /// Near enough to be a zero, and where the first frame saw it.
 bool Zeroing::is_usable(const PlatePoses& poses) const {
   for (int p = 0; p < kPlates; ++p) {
     const PlateMotion& motion = poses.plates[p];
-    if (!(motion.displacement_mm.norm() <= furthest_mm_ && motion.rotation_rad.norm() <= kLargest_rotation))
+    if (!(motion.displacement_mm.norm() <= furthest_mm_ && motion.rotation_rad.norm() <= kMaxRotation_rad))
       return false;
     if (frames_ == 0) continue;
-    if ((motion.displacement_mm - first_.plates[p].displacement_mm).norm() > kStill_mm) return false;
+    if ((motion.displacement_mm - first_.plates[p].displacement_mm).norm() > kMaxMotion_mm) return false;
   }
   return true;
 }
 
-/// Whether the zero is there with this frame.
-bool Zeroing::observe(const PlatePoses& poses) {
-  if (++tries_ > kLongest) return end(false);
-  if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return false;
+void Zeroing::add(const PlatePoses& poses) {
+  if (++tries_ > kMaxFrames) return end(false);
+  if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return;
   if (!is_usable(poses)) return end(false);
   if (frames_++ == 0) first_ = poses;
   for (int p = 0; p < kPlates; ++p) {
@@ -59,9 +62,9 @@ bool Zeroing::observe(const PlatePoses& poses) {
     sum.displacement_mm += poses.plates[p].displacement_mm / kFrames;
     sum.rotation_rad += poses.plates[p].rotation_rad / kFrames;
   }
-  if (frames_ < kFrames) return false;
-  zero_ = sum_;
-  return end(true);
+  if (frames_ < kFrames) return;
+  set_zero(sum_);
+  end(true);
 }
 
 }  // namespace finsight

@@ -96,8 +96,9 @@ void check_mount(const SafetensorsFile& file, const MountModel& mount) {
 }
 
 void check_prior(const SafetensorsFile& file, const PlatePrior& prior) {
-  const Eigen::Matrix<double, 18, 18> C =
-      Eigen::Map<const Eigen::Matrix<float, 18, 18, Eigen::RowMajor>>(prior.covariance.data()).cast<double>();
+  const Eigen::Matrix<double, kPoseDims, kPoseDims> C =
+      Eigen::Map<const Eigen::Matrix<float, kPoseDims, kPoseDims, Eigen::RowMajor>>(prior.covariance.data())
+          .cast<double>();
   constexpr double kSymmetry = 1e-6;  // rounding to float of the larger entry
   if ((C - C.transpose()).cwiseAbs().maxCoeff() > kSymmetry * C.cwiseAbs().maxCoeff()) {
     file.refuse(tensor::kPriorCovariance, "an unsymmetric matrix", "a symmetric positive definite one");
@@ -112,7 +113,7 @@ void check_prior(const SafetensorsFile& file, const PlatePrior& prior) {
 void check_self_test_values(const SafetensorsFile& file, const SelfTestModel& self_test) {
   for (int c = 0; c < self_test.cases; ++c) {
     for (int p = 0; p < kPlates; ++p) {
-      const float* plate = self_test.poses.data() + 18 * c + 6 * p;
+      const float* plate = self_test.poses.data() + kPoseDims * c + 6 * p;
       const float motion_mm = Eigen::Map<const Vec3f>(plate).norm();
       const float angle_rad = Eigen::Map<const Vec3f>(plate + 3).norm();
       if (motion_mm > kLargestMotion_mm || angle_rad > std::numbers::pi_v<float>) {

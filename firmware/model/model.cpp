@@ -123,7 +123,7 @@ ShapeMapModel read_shape_map(PackReader& pack, const tensor::MapNames& names, st
   const std::int64_t rank = pack.length(names.weights, 0, 1, kMaxRank);
   ShapeMapModel map;
   map.rank = static_cast<int>(rank);
-  map.scale = pack.tensor<float>(names.scale, {18});
+  map.scale = pack.tensor<float>(names.scale, {kPoseDims});
   map.weights = pack.tensor<float>(names.weights, {rank, ShapeMapModel::kFeatures});
   map.basis = pack.tensor<float>(names.basis, {rank, 3 * nodes});
   return map;
@@ -138,7 +138,7 @@ bool has_contact_map(const SafetensorsFile& file) {
 
 TouchModel read_touch(PackReader& pack) {
   TouchModel touch;
-  touch.scale = pack.tensor<float>(tensor::kTouchScale, {18});
+  touch.scale = pack.tensor<float>(tensor::kTouchScale, {kPoseDims});
   touch.input_mean = pack.tensor<float>(tensor::kTouchInputMean, {TouchModel::kInputs});
   touch.input_scale = pack.tensor<float>(tensor::kTouchInputScale, {TouchModel::kInputs});
   touch.output_mean = pack.tensor<float>(tensor::kTouchOutputMean, {TouchModel::kOutputs});
@@ -193,7 +193,7 @@ SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool is_with_
   const std::int64_t cases = pack.length(tensor::kSelfTestPoses, 0, 1, kMaxSelfTests);
   SelfTestModel self_test;
   self_test.cases = static_cast<int>(cases);
-  self_test.poses = pack.tensor<float>(tensor::kSelfTestPoses, {cases, 18});
+  self_test.poses = pack.tensor<float>(tensor::kSelfTestPoses, {cases, kPoseDims});
   self_test.shape_mm = pack.tensor<float>(tensor::kSelfTestShape, {cases, 3 * nodes});
   self_test.touch = pack.tensor<float>(tensor::kSelfTestTouch, {cases, 7});
   self_test.registers = pack.tensor<std::uint16_t>(tensor::kSelfTestRegisters, {cases, kMeasurementRegisters});
@@ -250,9 +250,9 @@ Model Model::open(const std::filesystem::path& path) {
   const bool is_with_contact_map = has_contact_map(file);
   if (is_with_contact_map) model.contact_map = read_shape_map(pack, tensor::kContactMap, model.shape.nodes);
   model.touch = read_touch(pack);
-  model.prior.mean = pack.tensor<float>(tensor::kPriorMean, {18});
-  model.prior.covariance = pack.tensor<float>(tensor::kPriorCovariance, {18, 18});
-  model.prior.noise = pack.tensor<float>(tensor::kPriorNoise, {18});
+  model.prior.mean = pack.tensor<float>(tensor::kPriorMean, {kPoseDims});
+  model.prior.covariance = pack.tensor<float>(tensor::kPriorCovariance, {kPoseDims, kPoseDims});
+  model.prior.noise = pack.tensor<float>(tensor::kPriorNoise, {kPoseDims});
   model.mount = read_mount(pack, file);
   model.self_test = read_self_test(pack, model.shape.nodes, is_with_contact_map);
   pack.finish();
@@ -279,7 +279,7 @@ PlatePoses seen_poses(std::span<const float> numbers) {
 }
 
 PoseVector pose_vector(const PlatePoses& poses) {
-  Eigen::Matrix<float, 18, 1> numbers;
+  PoseVector numbers;
   for (int p = 0; p < kPlates; ++p) {
     const PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];
     numbers.segment<3>(6 * p) = plate.displacement_mm;

@@ -41,7 +41,7 @@ struct ShapeModel {
 /// Regression from plate motions to a shape: x = rest + basis^T (weights * features(plates)), 20 microseconds.
 /// Features: 1, the 18 scaled numbers, their 171 products. Answers all nodes of the shape model.
 struct ShapeMapModel {
-  static constexpr int kFeatures = 1 + 18 + 171;
+  static constexpr int kFeatures = 1 + kPoseDims + kPoseDims * (kPoseDims + 1) / 2;
   int rank = 0;
   std::span<const float>
       scale;  ///< [18] multiplies the plate numbers (displacement xyz, rotation xyz; top, middle, low)
@@ -61,7 +61,7 @@ struct DenseInt8 {
 /// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, log of each plate's noise.
 /// Outputs: point x y z, its displacement x y z, force, log of the three point errors, log of the force error.
 struct TouchModel {
-  static constexpr int kInputs = 18 + 1 + kPlates;  // direction, size, noise
+  static constexpr int kInputs = kPoseDims + 1 + kPlates;  // direction, size, noise
   static constexpr int kOutputs = 11;
   std::span<const float> scale;         ///< [18] mm or mm per rad, before taking the direction
   std::span<const float> input_mean;    ///< [kInputs]

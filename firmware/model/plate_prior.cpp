@@ -6,19 +6,20 @@ void complete_from_prior(const PlatePrior& prior, const std::array<bool, kPlates
   if (seen[0] && seen[1] && seen[2]) return;
   // Conditioning on the seen numbers one after the other needs no factorisation, only rank-1 updates of fixed size.
   // Double, because the variances of millimetres and radians lie six orders of magnitude apart.
-  using Matrix18 = Eigen::Matrix<double, 18, 18, Eigen::RowMajor>;
-  using Vector18 = Eigen::Matrix<double, 18, 1>;
-  Matrix18 covariance =
-      Eigen::Map<const Eigen::Matrix<float, 18, 18, Eigen::RowMajor>>(prior.covariance.data()).cast<double>();
-  Vector18 mean = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
-  for (int i = 0; i < 18; ++i) {
+  using Matrix = Eigen::Matrix<double, kPoseDims, kPoseDims, Eigen::RowMajor>;
+  using Vector = PoseVectorOf<double>;
+  Matrix covariance =
+      Eigen::Map<const Eigen::Matrix<float, kPoseDims, kPoseDims, Eigen::RowMajor>>(prior.covariance.data())
+          .cast<double>();
+  Vector mean = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
+  for (int i = 0; i < kPoseDims; ++i) {
     if (!seen[static_cast<std::size_t>(i / 6)]) continue;
-    const Vector18 row = covariance.row(i).transpose();
-    const Vector18 gain = row / row[i];
+    const Vector row = covariance.row(i).transpose();
+    const Vector gain = row / row[i];
     mean += gain * (static_cast<double>(numbers[i]) - mean[i]);
     covariance.noalias() -= gain * row.transpose();
   }
-  for (int i = 0; i < 18; ++i) {
+  for (int i = 0; i < kPoseDims; ++i) {
     if (!seen[static_cast<std::size_t>(i / 6)]) numbers[i] = static_cast<float>(mean[i]);
   }
 }

@@ -1,5 +1,6 @@
 // Where frames come from. One interface because there are several things behind it: a real camera (libcamera, on
-// boards), what opens it again when it is lost, and a replayed recording.
+// boards), what opens it again when it is lost, and a replayed recording. Recorded plate motions come from a source of
+// their own: they are observations already.
 #pragma once
 
 #include <cstdint>
@@ -21,18 +22,22 @@ struct CameraCounts {
   std::uint32_t openings = 0;  ///< how often it was opened or found missing: grows while it is looked for
 };
 
-class Camera {
+/// What gives samples, one after the other: a Camera frames, a PoseReplay observations.
+template <class Sample>
+class Source {
  public:
-  virtual ~Camera() = default;
-  /// Waits for the next frame, at most `timeout_ms`. False: no frame came, see ended(). What `frame` points to stays
+  virtual ~Source() = default;
+  /// Waits for the next sample, at most `timeout_ms`. False: none came, see ended(). What `sample` points to stays
   /// valid until the next call. Never throws.
-  virtual bool next(Frame& frame, int timeout_ms) = 0;
-  /// No frame will come any more: a replay is over and does not repeat, or it failed (see error()).
+  virtual bool next(Sample& sample, int timeout_ms) = 0;
+  /// Nothing will come any more: a replay is over and does not repeat, or it failed (see error()).
   virtual bool ended() const = 0;
-  /// Why frames stopped coming; empty while all is well.
+  /// Why samples stopped coming; empty while all is well.
   virtual std::string error() const = 0;
   virtual CameraCounts counts() const { return {}; }
 };
+using Camera = Source<Frame>;
+using PoseReplay = Source<Observation>;
 
 /// Nanoseconds of the steady clock; tests bring their own time.
 struct ReplayClock {
@@ -55,8 +60,8 @@ struct ReplaySettings {
 /// recorded frames is the row of truth.csv or of the recording. All throw InputError for recordings that cannot be
 /// used; a fault met later, in the middle of the file, ends the replay with error().
 std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings);
-/// Frames with plate poses instead of images: only the top plate is seen, at 60 frames per second.
-std::unique_ptr<Camera> open_pose_camera(const ReplaySettings& settings);
+/// Observations of a recording in which only the top plate is seen, at 60 per second.
+std::unique_ptr<PoseReplay> open_pose_replay(const ReplaySettings& settings);
 
 /// Which camera, and how it is to be run.
 struct LiveCameraSettings {

@@ -10,9 +10,10 @@ namespace finsight {
 namespace {
 
 /// What both kinds of replay share: time, order and repetition.
-class ReplayCamera : public Camera {
+template <class Sample>
+class Replay : public Source<Sample> {
  public:
-  bool next(Frame& frame, int timeout_ms) final {
+  bool next(Sample& sample, int timeout_ms) final {
     if (ended_) return false;
     std::int64_t now_ns = settings_.clock.now_ns();
     if (next_ == 0) start_ns_ = now_ns;
@@ -25,9 +26,9 @@ class ReplayCamera : public Camera {
       now_ns = std::max(wake_ns, settings_.clock.now_ns());
       due = std::max(next_, newest_frame_at(now_ns));
     }
-    if (!advance_to(due, frame)) return false;
-    frame.exposure_ns = settings_.recorded_speed ? exposure_ns(due) : now_ns;
-    frame.sequence = static_cast<std::uint32_t>(due);
+    if (!advance_to(due, sample)) return false;
+    sample.exposure_ns = settings_.recorded_speed ? exposure_ns(due) : now_ns;
+    sample.sequence = static_cast<std::uint32_t>(due);
     next_ = due + 1;
     return true;
   }
@@ -35,10 +36,10 @@ class ReplayCamera : public Camera {
   std::string error() const final { return error_; }
 
  protected:
-  ReplayCamera(const ReplaySettings& settings, double frames_per_second)
+  Replay(const ReplaySettings& settings, double frames_per_second)
       : settings_(settings), frames_per_second_(frames_per_second) {}
-  /// The next recorded frame; only passes it if `frame` is null. False after the last one. Throws InputError.
-  virtual bool read(Frame* frame) = 0;
+  /// The next recorded sample; only passes it if `sample` is null. False after the last one. Throws InputError.
+  virtual bool read(Sample* sample) = 0;
   virtual void rewind() = 0;
 
  private:
@@ -51,10 +52,10 @@ class ReplayCamera : public Camera {
   }
 
   /// Passes the frames that a late caller missed and reads frame `due`.
-  bool advance_to(std::uint64_t due, Frame& frame) {
+  bool advance_to(std::uint64_t due, Sample& sample) {
     try {
       for (std::uint64_t at = next_; at <= due; ++at) {
-        Frame* wanted = at == due ? &frame : nullptr;
+        Sample* wanted = at == due ? &sample : nullptr;
         if (read(wanted)) continue;
         if (settings_.repeat) rewind();
         if (!settings_.repeat || !read(wanted)) {
@@ -79,10 +80,10 @@ class ReplayCamera : public Camera {
   std::string error_;
 };
 
-class SessionCamera : public ReplayCamera {
+class SessionCamera : public Replay<Frame> {
  public:
   SessionCamera(const ReplaySettings& settings, const SessionInfo& info)
-      : ReplayCamera(settings, info.frames_per_second), images_(settings.path / kSessionFrames) {
+      : Replay(settings, info.frames_per_second), images_(settings.path / kSessionFrames) {
     const auto check = [&](const char* field, double found, double expected) {
       if (std::abs(found - expected) < 1e-6 * expected) return;  // a rate is written as a ratio
       throw InputError((settings.path / kSessionFrames).string(), field, std::to_string(found),
@@ -112,17 +113,17 @@ class SessionCamera : public ReplayCamera {
   std::vector<std::uint8_t> grey_;
 };
 
-class PoseCamera : public ReplayCamera {
+class PoseFileReplay : public Replay<Observation> {
  public:
   static constexpr double kFramesPerSecond = 60;  // of all published recordings
 
-  explicit PoseCamera(const ReplaySettings& settings)
-      : ReplayCamera(settings, kFramesPerSecond), motion_(read_recorded_motion(settings.path, settings.recording)) {}
+  explicit PoseFileReplay(const ReplaySettings& settings)
+      : Replay(settings, kFramesPerSecond), motion_(read_recorded_motion(settings.path, settings.recording)) {}
 
  private:
-  bool read(Frame* frame) final {
+  bool read(Observation* seen) final {
     if (at_ == motion_.poses.size()) return false;
-    if (frame) *frame = Frame{.poses = &motion_.poses[at_]};
+    if (seen) *seen = Observation{.poses = motion_.poses[at_]};
     ++at_;
     return true;
   }
@@ -147,8 +148,8 @@ std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings) {
   return std::make_unique<SessionCamera>(settings, read_session_info(settings.path));
 }
 
-std::unique_ptr<Camera> open_pose_camera(const ReplaySettings& settings) {
-  return std::make_unique<PoseCamera>(settings);
+std::unique_ptr<PoseReplay> open_pose_replay(const ReplaySettings& settings) {
+  return std::make_unique<PoseFileReplay>(settings);
 }
 
 }  // namespace finsight

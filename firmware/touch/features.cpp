@@ -4,19 +4,19 @@
 
 namespace finsight {
 
-void touch_features(const TouchModel& model, const PoseVector& numbers, const std::array<float, kPlates>& noise,
+void touch_features(const TouchModel& model, const PoseVector& motion, const std::array<float, kPlates>& noise,
                     std::span<float, TouchModel::kInputs> inputs) {
   // In double, one number after the other: the result, rounded to float, is then the same on every processor.
   double size_sq = 0;
-  for (std::size_t i = 0; i < 18; ++i) {
-    inputs[i] = model.scale[i] * numbers[static_cast<int>(i)];
+  for (std::size_t i = 0; i < kPoseDims; ++i) {
+    inputs[i] = model.scale[i] * motion[static_cast<int>(i)];
     size_sq += static_cast<double>(inputs[i]) * static_cast<double>(inputs[i]);
   }
   const double size = std::sqrt(size_sq) + static_cast<double>(kSmallestMotion);
-  for (std::size_t i = 0; i < 18; ++i) inputs[i] = static_cast<float>(static_cast<double>(inputs[i]) / size);
-  inputs[18] = static_cast<float>(std::log(size));
+  for (std::size_t i = 0; i < kPoseDims; ++i) inputs[i] = static_cast<float>(static_cast<double>(inputs[i]) / size);
+  inputs[kPoseDims] = static_cast<float>(std::log(size));
   for (std::size_t p = 0; p < kPlates; ++p)
-    inputs[19 + p] = static_cast<float>(std::log(static_cast<double>(noise[p])));
+    inputs[kPoseDims + 1 + p] = static_cast<float>(std::log(static_cast<double>(noise[p])));
   for (std::size_t i = 0; i < TouchModel::kInputs; ++i) {
     inputs[i] = (inputs[i] - model.input_mean[i]) * model.input_scale[i];
   }

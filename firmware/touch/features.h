@@ -10,24 +10,24 @@ namespace finsight {
 /// Added to the size of a motion (in scaled mm) before its logarithm is taken, so that rest has one.
 inline constexpr float kSmallestMotion = 1e-3f;
 
-/// Sizes of noise (PlatePoses::noise) that the network can tell apart, and the one that stands for an unseen plate.
+/// Range of noise (PlatePoses::noise) that the network was trained with, and the value that stands for an unseen plate.
 inline constexpr float kMinNoise = 0.1f, kMaxNoise = 10, kUnseenNoise = 100;
 
-/// What the network is told about the noise of a plate.
+/// The network's input about the noise of a plate.
 inline float network_noise(bool seen, float noise) {
   return seen ? std::clamp(noise, kMinNoise, kMaxNoise) : kUnseenNoise;
 }
 
-inline std::array<float, kPlates> noise_of(const PlatePoses& poses) {
+inline std::array<float, kPlates> network_noise(const PlatePoses& poses) {
   std::array<float, kPlates> noise;
   for (std::size_t p = 0; p < kPlates; ++p) noise[p] = network_noise(poses.seen[p], poses.noise[p]);
   return noise;
 }
 
-/// The network's normalised inputs [TouchModel::kInputs]. The direction of the 18 scaled numbers tells where the finger
-/// is touched almost independently of the force; the logarithm of their size tells the force; those of the noise tell
-/// what the numbers are worth. Training and firmware both call this function.
-void touch_features(const TouchModel& model, const PoseVector& numbers, const std::array<float, kPlates>& noise,
+/// The network's normalised inputs [TouchModel::kInputs]. The direction of the scaled plate motions tells where the
+/// finger is touched almost independently of the force; the logarithm of their size tells the force; those of the noise
+/// tell how far to trust it. Training and firmware both call this function.
+void touch_features(const TouchModel& model, const PoseVector& motion, const std::array<float, kPlates>& noise,
                     std::span<float, TouchModel::kInputs> inputs);
 
 }  // namespace finsight

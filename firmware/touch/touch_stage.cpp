@@ -11,8 +11,9 @@ namespace finsight {
 
 namespace {
 
-// Of Shake's second difference: by how much of it touches of a shaken finger are off (hostgen render --event shaken).
-constexpr float kShift = 0.75F;
+// By how much touches of a shaken finger are off, as a part of Shake's second difference (hostgen render --event
+// shaken).
+constexpr float kShiftPerShake = 0.75F;
 
 // Through double, whose last-digit differences between C libraries vanish in the rounding to float.
 float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
@@ -43,34 +44,31 @@ TouchStage::TouchStage(const TouchModel& model) : model_(model) {
   for (std::size_t i = 0; i < 2; ++i) hidden_[i].resize(static_cast<std::size_t>(model.layers[i].outputs));
 }
 
-const Touch& TouchStage::locate(const PlatePoses& poses, float shaken_mm) {
-  if (poses.quality == Quality::kHeld) {
-    if (touch_.quality == Quality::kFresh) touch_.quality = Quality::kHeld;
-    return touch_;
-  }
-  touch_ = Touch{};
-  if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !pose_vector(poses).allFinite()) return touch_;
+Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, float shaken_mm) {
+  Touch touch;
+  if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !motion.allFinite()) return touch;
   for (const PlateMotion& plate : poses.plates) {
-    touch_.plate_motion_mm = std::max(touch_.plate_motion_mm, plate.displacement_mm.norm());
+    touch.plate_motion_mm = std::max(touch.plate_motion_mm, plate.displacement_mm.norm());
   }
-  if (touch_.plate_motion_mm < model_.threshold_mm) return touch_;
-  touch_.over_range = touch_.plate_motion_mm > model_.range_mm;
-  if (touch_.over_range) return touch_;
-  run_network(poses, shaken_mm);
-  return touch_;
+  if (touch.plate_motion_mm < model_.threshold_mm) return touch;
+  touch.over_range = touch.plate_motion_mm > model_.range_mm;
+  if (touch.over_range) return touch;
+  const Touch located = run_network(poses, motion, touch.plate_motion_mm, shaken_mm);
+  return located.quality == Quality::kFresh ? located : touch;
 }
 
 // Plates that no touch moves like this (a shaken hand, a camera that was knocked) have the network answer anything.
 bool TouchStage::is_on_face(const Touch& touch) const {
   if (face_mm_.isEmpty()) return true;
-  const Vec3f spread_mm(model_.output_scale[0], model_.output_scale[1], model_.output_scale[2]);
-  return touch.radius_68_mm < spread_mm.norm() && face_mm_.exteriorDistance(touch.point_mm) <= 2 * touch.radius_68_mm;
+  const Vec3f learnt_mm(model_.output_scale[0], model_.output_scale[1], model_.output_scale[2]);
+  return touch.radius_68_mm < learnt_mm.norm() && face_mm_.exteriorDistance(touch.point_mm) <= 2 * touch.radius_68_mm;
 }
 
-void TouchStage::run_network(const PlatePoses& poses, float shaken_mm) {
+Touch TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion, float plate_motion_mm,
+                              float shaken_mm) {
   std::array<float, TouchModel::kInputs> inputs;
   std::array<float, TouchModel::kOutputs> outputs;
-  touch_features(model_, pose_vector(poses), noise_of(poses), inputs);
+  touch_features(model_, motion, network_noise(poses), inputs);
   forward(model_.layers[0], inputs, hidden_[0], true);
   forward(model_.layers[1], hidden_[0], hidden_[1], true);
   forward(model_.layers[2], hidden_[1], outputs, false);
@@ -78,23 +76,23 @@ void TouchStage::run_network(const PlatePoses& poses, float shaken_mm) {
     outputs[i] = model_.output_mean[i] + model_.output_scale[i] * outputs[i];
   }
 
-  Touch touch = touch_;
+  Touch touch;
+  touch.plate_motion_mm = plate_motion_mm;
   touch.point_mm = Vec3f(outputs[0], outputs[1], outputs[2]);
   touch.contact_mm = touch.point_mm + Vec3f(outputs[3], outputs[4], outputs[5]);
   touch.force_n = std::max(outputs[6], 0.0f);
   const Vec3f sigma_mm(exp_float(outputs[7]), exp_float(outputs[8]), exp_float(outputs[9]));
-  touch.radius_68_mm = calibrated_radius_mm(model_.radius_curve, touch_.plate_motion_mm, sigma_mm.norm());
+  touch.radius_68_mm = calibrated_radius_mm(model_.radius_curve, plate_motion_mm, sigma_mm.norm());
   if (shaken_mm > 0) {
-    const float shift_mm = kShift * shaken_mm;
+    const float shift_mm = kShiftPerShake * shaken_mm;
     touch.radius_68_mm = std::sqrt(touch.radius_68_mm * touch.radius_68_mm + shift_mm * shift_mm);
   }
   touch.force_sigma_n = exp_float(outputs[10]);
-  // Motions far beyond any finger's overflow somewhere on the way; what comes out then is no touch.
+  // Motions far beyond any finger's overflow somewhere on the way; what comes out then is not a touch.
   const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(outputs[6]) &&
                       std::isfinite(touch.radius_68_mm) && std::isfinite(touch.force_sigma_n);
-  if (!finite || !is_on_face(touch)) return;
-  touch.quality = Quality::kFresh;
-  touch_ = touch;
+  if (finite && is_on_face(touch)) touch.quality = Quality::kFresh;
+  return touch;
 }
 
 }  // namespace finsight

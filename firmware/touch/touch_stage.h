@@ -18,27 +18,26 @@ class TouchStage {
   /// The arrays that `model` views must live as long as the stage.
   explicit TouchStage(const TouchModel& model);
 
-  /// Never throws, never allocates. Invalid below the model's threshold of plate motion, beyond its range (then
-  /// `over_range` says so), without any seen plate, for non-finite poses, and where the answer is none: a point further
-  /// beside the face than two radii, or a radius as large as the touches that were learnt lie apart (their standard
-  /// deviation). Held poses repeat the last touch as held.
-  /// Plates that are not seen must have been completed.
+  /// The touch that these poses tell of, fresh or invalid; `motion` is pose_vector(poses). Never throws, never
+  /// allocates. Invalid below the model's threshold of plate motion, beyond its range (then `over_range` says so),
+  /// without any seen plate, for poses that are invalid or not finite, and where the network's answer is not a touch: a
+  /// point further beside the face than two radii, or a radius as large as the touches that were learnt lie apart
+  /// (their standard deviation). Plates that are not seen must have been completed.
   ///
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
   /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face;
   /// the model's radius curve makes it hold 68 % of the errors on held-out contact points, whatever the plate motion.
   /// `shaken_mm`, see Shake, widens the radius: the network knows fingers that stand still.
-  const Touch& locate(const PlatePoses& poses, float shaken_mm = 0);
+  Touch locate(const PlatePoses& poses, const PoseVector& motion, float shaken_mm);
+  Touch locate(const PlatePoses& poses) { return locate(poses, pose_vector(poses), 0); }
 
  private:
-  void run_network(const PlatePoses& poses, float shaken_mm);
-
+  Touch run_network(const PlatePoses& poses, const PoseVector& motion, float plate_motion_mm, float shaken_mm);
   bool is_on_face(const Touch& touch) const;
 
   TouchModel model_;
-  Eigen::AlignedBox3f face_mm_;  ///< of the front face at rest; empty: not known
-  std::vector<float> hidden_[2];
-  Touch touch_;
+  Eigen::AlignedBox3f face_mm_;   ///< of the front face at rest; empty: not known
+  std::vector<float> hidden_[2];  // workspace: the hidden layers' activations
 };
 
 }  // namespace finsight

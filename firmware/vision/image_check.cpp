@@ -21,7 +21,7 @@ constexpr int kMaxBlurred = 30;
 
 // One pass over the rows: their sum, and a checksum that changes with any of its words and with their order. An image
 // that repeats is frozen, however dark it is; but a sensor that sees nothing at all may well give the same again.
-ImageFault ImageCheck::look(const ImageView& image) {
+ImageFault ImageCheck::check(const ImageView& image) {
   if (!image.pixels || image.width_px < 1 || image.height_px < 1 || image.stride_bytes < image.width_px) {
     return ImageFault::kNone;
   }

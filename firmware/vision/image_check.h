@@ -5,11 +5,10 @@
 #include <array>
 #include <cstdint>
 
+#include "firmware/types.h"
 #include "firmware/vision/image_view.h"
 
 namespace finsight {
-
-enum class ImageFault : std::uint8_t { kNone, kFrozen, kDark, kBright, kBlurred };
 
 class ImageCheck {
  public:
@@ -19,7 +18,7 @@ class ImageCheck {
   /// in a row on, so that a fast move is none: no edge in it is sharper than a blur with a standard deviation of 1/280
   /// of the image's width (4.5 pixels of 1280), though there is contrast. Looks at every eighth row: 100 us for 1280
   /// x 720. Never allocates.
-  ImageFault look(const ImageView& image);
+  ImageFault check(const ImageView& image);
   /// Whether the last image equals one of the four before it: it says nothing of this moment.
   bool repeats() const { return repeats_ > 0; }
 

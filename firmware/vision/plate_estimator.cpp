@@ -21,7 +21,7 @@ constexpr double kNearestMm = 1;  // corners nearer to the lens than this are no
 // Corners further off than this pull with a constant force (pseudo-Huber: convex, so that the prior cannot outvote the
 // corners of a finger that is where no touch brings it).
 constexpr double kLinearFromSigmas = 3;
-constexpr double kGuessWeight = 4;    // of the guessed scatter, in numbers
+constexpr double kGuessWeight = 4;    // of the guessed scatter, in residuals
 constexpr int kStepsWithScatter = 2;  // the scatter changes little: only the corners' weight against the prior
 constexpr double kMinSigmaPx = 0.01, kMaxSigmaPx = 1;
 
@@ -35,20 +35,22 @@ PlateEstimator::PlateEstimator(const MountModel& mount, const PlatePrior& prior,
     : T_camera_finger_(mount.T_finger_camera.cast<double>().inverse()),
       T_finger_camera_(mount.T_finger_camera.cast<double>()),
       focal_px_(focal_px) {
-  if (prior.mean.size() != 18 || prior.covariance.size() != 18 * 18 || prior.noise.size() != 18) {
+  if (prior.mean.size() != kPoseDims || prior.covariance.size() != kPoseDims * kPoseDims ||
+      prior.noise.size() != kPoseDims) {
     throw InputError("prior", "size",
                      std::to_string(prior.mean.size()) + ", " + std::to_string(prior.covariance.size()) + " and " +
                          std::to_string(prior.noise.size()) + " numbers",
                      "18, 324 and 18");
   }
-  noise_ = Eigen::Map<const Eigen::Matrix<float, 18, 1>>(prior.noise.data()).cast<double>();
-  mean_ = Eigen::Map<const Eigen::Matrix<float, 18, 1>>(prior.mean.data()).cast<double>();
-  const Matrix18 covariance = Eigen::Map<const Eigen::Matrix<float, 18, 18>>(prior.covariance.data()).cast<double>();
-  const Eigen::LLT<Matrix18> factor(covariance);
+  noise_ = Eigen::Map<const PoseVector>(prior.noise.data()).cast<double>();
+  mean_ = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
+  const Matrix covariance =
+      Eigen::Map<const Eigen::Matrix<float, kPoseDims, kPoseDims>>(prior.covariance.data()).cast<double>();
+  const Eigen::LLT<Matrix> factor(covariance);
   if (!mean_.allFinite() || !covariance.allFinite() || factor.info() != Eigen::Success) {
     throw InputError("prior", "covariance", "a matrix that is not positive definite", "a Gaussian's covariance");
   }
-  precision_ = factor.solve(Matrix18::Identity());
+  precision_ = factor.solve(Matrix::Identity());
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Eigen::Isometry3d T_finger_marker = mount.T_finger_marker[p].cast<double>();
     PlateAtRest& rest = rest_[p];
@@ -65,18 +67,18 @@ PlateEstimator::PlateEstimator(const MountModel& mount, const PlatePrior& prior,
 
 Eigen::Matrix<double, 6, 1> PlateEstimator::motion(std::size_t plate, const Eigen::Isometry3d& T_camera_marker) const {
   const Eigen::Isometry3d T_finger_marker = T_finger_camera_ * T_camera_marker;
-  Vector6 numbers;
-  numbers.head<3>() = T_finger_marker.translation() - rest_[plate].centre;
-  numbers.tail<3>() = so3_log(T_finger_marker.linear() * rest_[plate].R_finger_marker.transpose());
-  return numbers;
+  Vector6 motion;
+  motion.head<3>() = T_finger_marker.translation() - rest_[plate].centre;
+  motion.tail<3>() = so3_log(T_finger_marker.linear() * rest_[plate].R_finger_marker.transpose());
+  return motion;
 }
 
 // Corner X of the plate at rest, seen from its centre c, is now at exp(w) X + c + d. The camera sees it along
 // (x / z, y / z); the residual is the difference from the measured ray, in units of the corners' scatter.
-bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const Numbers& numbers, Matrix6& information,
+bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const Vector& motion, Matrix6& information,
                                Vector6& gradient, double& residual_sq) const {
-  const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
-  const Vector3d w = numbers.segment<3>(6 * static_cast<int>(plate) + 3);
+  const Vector3d d = motion.segment<3>(6 * static_cast<int>(plate));
+  const Vector3d w = motion.segment<3>(6 * static_cast<int>(plate) + 3);
   const Matrix3d R = so3_exp(w), left_jacobian = so3_left_jacobian(w);
   const double scale = focal_px_ / sight.corner_sigma_px;
   information.setZero();
@@ -101,41 +103,41 @@ bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const
   return true;
 }
 
-void PlateEstimator::normal_equations(const PlateSight& sight, const Numbers& numbers, Matrix18& information,
-                                      Numbers& gradient) const {
+void PlateEstimator::normal_equations(const PlateSight& sight, const Vector& motion, Matrix& information,
+                                      Vector& gradient) const {
   information = precision_;
-  gradient = precision_ * (numbers - mean_);
+  gradient = precision_ * (motion - mean_);
   for (std::size_t p = 0; p < kPlates; ++p) {
     Matrix6 plate_information;
     Vector6 plate_gradient;
     double residual_sq = 0;
-    if (!sight.seen[p] || !add_plate(sight, p, numbers, plate_information, plate_gradient, residual_sq)) continue;
+    if (!sight.seen[p] || !add_plate(sight, p, motion, plate_information, plate_gradient, residual_sq)) continue;
     const int first = 6 * static_cast<int>(p);
     information.block<6, 6>(first, first) += plate_information;
     gradient.segment<6>(first) += plate_gradient;
   }
 }
 
-void PlateEstimator::gauss_newton_step(const PlateSight& sight, Numbers& numbers) const {
-  Matrix18 information;
-  Numbers gradient;
-  normal_equations(sight, numbers, information, gradient);
-  numbers -= information.llt().solve(gradient);
+void PlateEstimator::gauss_newton_step(const PlateSight& sight, Vector& motion) const {
+  Matrix information;
+  Vector gradient;
+  normal_equations(sight, motion, information, gradient);
+  motion -= information.llt().solve(gradient);
 }
 
-PlateEstimator::Numbers PlateEstimator::estimate(PlateSight& sight, const Numbers& start, int steps) const {
-  Numbers numbers = start;
-  for (int step = 0; step < steps; ++step) gauss_newton_step(sight, numbers);
-  sight.corner_sigma_px = corner_sigma_px(sight, numbers);
-  for (int step = 0; step < kStepsWithScatter; ++step) gauss_newton_step(sight, numbers);
-  return numbers;
+PlateEstimator::Vector PlateEstimator::estimate(PlateSight& sight, const Vector& start, int steps) const {
+  Vector motion = start;
+  for (int step = 0; step < steps; ++step) gauss_newton_step(sight, motion);
+  sight.corner_sigma_px = corner_sigma_px(sight, motion);
+  for (int step = 0; step < kStepsWithScatter; ++step) gauss_newton_step(sight, motion);
+  return motion;
 }
 
 // Where a plate's corners are seen, and how far from where they should be; false behind the camera.
-bool PlateEstimator::reproject(const PlateSight& sight, std::size_t plate, const Numbers& numbers,
+bool PlateEstimator::reproject(const PlateSight& sight, std::size_t plate, const Vector& motion,
                                std::array<double, 4>& distance_px) const {
-  const Vector3d d = numbers.segment<3>(6 * static_cast<int>(plate));
-  const Matrix3d R = so3_exp(numbers.segment<3>(6 * static_cast<int>(plate) + 3));
+  const Vector3d d = motion.segment<3>(6 * static_cast<int>(plate));
+  const Matrix3d R = so3_exp(motion.segment<3>(6 * static_cast<int>(plate) + 3));
   for (std::size_t k = 0; k < 4; ++k) {
     const Vector3d seen = T_camera_finger_ * (R * rest_[plate].corner[k] + rest_[plate].centre + d);
     if (!(seen.z() > kNearestMm)) return false;
@@ -144,21 +146,21 @@ bool PlateEstimator::reproject(const PlateSight& sight, std::size_t plate, const
   return true;
 }
 
-double PlateEstimator::reprojection_px(const PlateSight& sight, std::size_t plate, const Numbers& numbers) const {
+double PlateEstimator::reprojection_px(const PlateSight& sight, std::size_t plate, const Vector& motion) const {
   std::array<double, 4> distance_px;
-  if (!reproject(sight, plate, numbers, distance_px)) return std::numeric_limits<double>::infinity();
+  if (!reproject(sight, plate, motion, distance_px)) return std::numeric_limits<double>::infinity();
   double sum = 0;
   for (const double distance : distance_px) sum += distance * distance;
   return std::sqrt(sum / 4);
 }
 
-double PlateEstimator::cost(const PlateSight& sight, const Numbers& numbers) const {
+double PlateEstimator::cost(const PlateSight& sight, const Vector& motion) const {
   constexpr double kScaleSq = kLinearFromSigmas * kLinearFromSigmas;
-  double sum = (numbers - mean_).dot(precision_ * (numbers - mean_));
+  double sum = (motion - mean_).dot(precision_ * (motion - mean_));
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!sight.seen[p]) continue;
     std::array<double, 4> distance_px;
-    if (!reproject(sight, p, numbers, distance_px)) return std::numeric_limits<double>::infinity();
+    if (!reproject(sight, p, motion, distance_px)) return std::numeric_limits<double>::infinity();
     for (const double distance : distance_px) {
       sum += 2 * kScaleSq * (std::sqrt(1 + std::pow(distance / sight.corner_sigma_px, 2) / kScaleSq) - 1);
     }
@@ -168,13 +170,13 @@ double PlateEstimator::cost(const PlateSight& sight, const Numbers& numbers) con
 
 // Only what no motion of the plate explains counts, so that a pull of the prior is not taken for scatter: of the eight
 // residuals of a square two are left, r^T r - r^T J (J^T J)^-1 J^T r, all in units of the present scatter.
-double PlateEstimator::corner_sigma_px(const PlateSight& sight, const Numbers& numbers) const {
+double PlateEstimator::corner_sigma_px(const PlateSight& sight, const Vector& motion) const {
   double left = kGuessWeight, sum_sq = kGuessWeight * kCornerSigmaPx * kCornerSigmaPx;
   for (std::size_t p = 0; p < kPlates; ++p) {
     Matrix6 information;
     Vector6 gradient;
     double residual_sq = 0;
-    if (!sight.seen[p] || !add_plate(sight, p, numbers, information, gradient, residual_sq)) continue;
+    if (!sight.seen[p] || !add_plate(sight, p, motion, information, gradient, residual_sq)) continue;
     const double unexplained = std::max(0.0, residual_sq - gradient.dot(information.llt().solve(gradient)));
     sum_sq += unexplained * sight.corner_sigma_px * sight.corner_sigma_px;
     left += 2;
@@ -182,12 +184,12 @@ double PlateEstimator::corner_sigma_px(const PlateSight& sight, const Numbers& n
   return std::clamp(std::sqrt(sum_sq / left), kMinSigmaPx, kMaxSigmaPx);
 }
 
-std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const Numbers& numbers) const {
-  Matrix18 information;
-  Numbers gradient;
-  normal_equations(sight, numbers, information, gradient);
-  const Matrix18 covariance = information.llt().solve(Matrix18::Identity());
-  const Numbers ratio_sq = covariance.diagonal().cwiseQuotient(noise_.cwiseAbs2());
+std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const Vector& motion) const {
+  Matrix information;
+  Vector gradient;
+  normal_equations(sight, motion, information, gradient);
+  const Matrix covariance = information.llt().solve(Matrix::Identity());
+  const Vector ratio_sq = covariance.diagonal().cwiseQuotient(noise_.cwiseAbs2());
   std::array<float, kPlates> noise;
   for (std::size_t p = 0; p < kPlates; ++p) {
     noise[p] = static_cast<float>(std::sqrt(ratio_sq.segment<6>(6 * static_cast<int>(p)).mean()));
@@ -195,9 +197,9 @@ std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const 
   return noise;
 }
 
-double PlateEstimator::distance_from_prior(std::size_t plate, const Numbers& numbers) const {
+double PlateEstimator::distance_from_prior(std::size_t plate, const Vector& motion) const {
   const int first = 6 * static_cast<int>(plate);
-  const Vector6 off = numbers.segment<6>(first) - mean_.segment<6>(first);
+  const Vector6 off = motion.segment<6>(first) - mean_.segment<6>(first);
   return std::sqrt(off.dot(rest_[plate].loose_precision * off));
 }
 

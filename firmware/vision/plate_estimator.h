@@ -1,5 +1,5 @@
-// All plate motions at once from all corners: the most probable 18 numbers given what the camera sees and how touched
-// fingers move.
+// All plate motions at once from all corners: the most probable ones given what the camera sees and how
+// touched fingers move.
 #pragma once
 
 #include "firmware/model/model.h"
@@ -23,34 +23,34 @@ struct PlateSight {
 /// that is not seen has no residuals; the prior alone places it, given the others. Nothing here allocates.
 class PlateEstimator {
  public:
-  using Numbers = Eigen::Matrix<double, 18, 1>;  ///< per plate (top, middle, low) displacement x y z, rotation x y z
+  using Vector = PoseVectorOf<double>;
 
   /// `focal_px` turns angles into pixels. Throws InputError for a prior that is not a positive definite Gaussian.
   PlateEstimator(const MountModel& mount, const PlatePrior& prior, double focal_px);
 
-  const Numbers& prior_mean() const { return mean_; }
-  /// One Gauss-Newton step from `numbers`, with each corner's weight as its distance there says.
-  void gauss_newton_step(const PlateSight& sight, Numbers& numbers) const;
+  const Vector& prior_mean() const { return mean_; }
+  /// One Gauss-Newton step from `motion`, with each corner's weight as its distance there says.
+  void gauss_newton_step(const PlateSight& sight, Vector& motion) const;
   /// Steps from `start`, then the corners' scatter (into `sight`), then two steps more with it.
-  Numbers estimate(PlateSight& sight, const Numbers& start, int steps) const;
-  /// The corners' scatter as what no motion explains of their distances from the reprojection says: two numbers per
+  Vector estimate(PlateSight& sight, const Vector& start, int steps) const;
+  /// The corners' scatter as what no motion explains of their distances from the reprojection says: two residuals per
   /// seen marker; the guess kCornerSigmaPx counts as four more.
-  double corner_sigma_px(const PlateSight& sight, const Numbers& numbers) const;
+  double corner_sigma_px(const PlateSight& sight, const Vector& motion) const;
   /// Standard deviations at the estimate, from the inverse of the normal equations: per plate the RMS of its six over
   /// those of the pack (PlatePrior::noise).
-  std::array<float, kPlates> noise(const PlateSight& sight, const Numbers& numbers) const;
+  std::array<float, kPlates> noise(const PlateSight& sight, const Vector& motion) const;
   /// Twice the negative log probability, without its constant; infinite if a corner is not in front of the camera.
-  double cost(const PlateSight& sight, const Numbers& numbers) const;
-  /// RMS distance of a seen plate's four corners from where `numbers` puts them; infinite behind the camera.
-  double reprojection_px(const PlateSight& sight, std::size_t plate, const Numbers& numbers) const;
+  double cost(const PlateSight& sight, const Vector& motion) const;
+  /// RMS distance of a seen plate's four corners from where `motion` puts them; infinite behind the camera.
+  double reprojection_px(const PlateSight& sight, std::size_t plate, const Vector& motion) const;
   /// Mahalanobis distance of one plate's motion from the prior, whatever the other plates do, with 3 mm and 0.15 rad of
   /// slack: fingers are also shaken and pushed from sides that the prior's fingers never were.
-  double distance_from_prior(std::size_t plate, const Numbers& numbers) const;
-  /// A plate's six numbers if its marker is at this place.
+  double distance_from_prior(std::size_t plate, const Vector& motion) const;
+  /// A plate's displacement and rotation vector if its marker is at this place.
   Eigen::Matrix<double, 6, 1> motion(std::size_t plate, const Eigen::Isometry3d& T_camera_marker) const;
 
  private:
-  using Matrix18 = Eigen::Matrix<double, 18, 18>;
+  using Matrix = Eigen::Matrix<double, kPoseDims, kPoseDims>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   struct PlateAtRest {
@@ -59,18 +59,17 @@ class PlateEstimator {
     std::array<Eigen::Vector3d, 4> corner;  ///< from the centre, finger frame
     Matrix6 loose_precision;                ///< inverse of this plate's covariance with the slack
   };
-  bool add_plate(const PlateSight& sight, std::size_t plate, const Numbers& numbers, Matrix6& information,
+  bool add_plate(const PlateSight& sight, std::size_t plate, const Vector& motion, Matrix6& information,
                  Vector6& gradient, double& residual_sq) const;
-  void normal_equations(const PlateSight& sight, const Numbers& numbers, Matrix18& information,
-                        Numbers& gradient) const;
-  bool reproject(const PlateSight& sight, std::size_t plate, const Numbers& numbers,
+  void normal_equations(const PlateSight& sight, const Vector& motion, Matrix& information, Vector& gradient) const;
+  bool reproject(const PlateSight& sight, std::size_t plate, const Vector& motion,
                  std::array<double, 4>& distance_px) const;
 
   std::array<PlateAtRest, kPlates> rest_;
   Eigen::Isometry3d T_camera_finger_, T_finger_camera_;
   double focal_px_;
-  Numbers mean_, noise_;
-  Matrix18 precision_;
+  Vector mean_, noise_;
+  Matrix precision_;
 };
 
 }  // namespace finsight

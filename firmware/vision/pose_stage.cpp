@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kLargestReprojectionPx = 3;
 constexpr double kFarthestSigmas = 6;  // from the prior with its slack
-// From IPPE's pose Gauss-Newton converges quadratically: after five steps the numbers stand still to 1e-9.
+// From IPPE's pose Gauss-Newton converges quadratically: after five steps the motions stand still to 1e-9.
 constexpr int kSteps = 5;
 
 const Lens& checked(const Lens& camera) {
@@ -25,39 +25,39 @@ PoseStage::PoseStage(const MountModel& mount, const PlatePrior& prior, const Len
       marker_size_mm_(mount.marker_size_mm),
       prior_(prior),
       estimator_(mount, prior, camera.fx),
-      one_body_(mount, camera.fx),
+      rigid_motion_(mount, camera.fx),
       method_(method) {}
 
 const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {
-  look(corners);
+  unproject_corners(corners);
   poses_ = PlatePoses{};
   // A plate that cannot be there pulls the others along, so the worst one is left out and the rest estimated again.
-  Numbers numbers;
+  Vector motion;
   do {
     if (!sight_.seen[0] && !sight_.seen[1] && !sight_.seen[2]) return poses_;
-    numbers = method_ == PoseMethod::kJoint ? estimate_jointly() : estimate_one_by_one();
-  } while (drop_worst(numbers));
+    motion = method_ == PoseMethod::kJoint ? estimate_jointly() : estimate_one_by_one();
+  } while (drop_worst(motion));
 
   poses_.seen = sight_.seen;
   poses_.quality = Quality::kFresh;
   for (std::size_t p = 0; p < kPlates; ++p) {
     const int first = 6 * static_cast<int>(p);
-    poses_.plates[p].displacement_mm = numbers.segment<3>(first).cast<float>();
-    poses_.plates[p].rotation_rad = numbers.segment<3>(first + 3).cast<float>();
+    poses_.plates[p].displacement_mm = motion.segment<3>(first).cast<float>();
+    poses_.plates[p].rotation_rad = motion.segment<3>(first + 3).cast<float>();
     if (poses_.seen[p]) {
-      poses_.reprojection_px[p] = static_cast<float>(estimator_.reprojection_px(sight_, p, numbers));
+      poses_.reprojection_px[p] = static_cast<float>(estimator_.reprojection_px(sight_, p, motion));
     }
   }
   if (method_ == PoseMethod::kPublished) {
     complete_from_prior(prior_, poses_);
   } else {
-    poses_.noise = estimator_.noise(sight_, numbers);
+    poses_.noise = estimator_.noise(sight_, motion);
   }
   return poses_;
 }
 
 // Corners -> lines of sight -> the two poses of each square.
-void PoseStage::look(const MarkerCorners& corners) {
+void PoseStage::unproject_corners(const MarkerCorners& corners) {
   for (std::size_t p = 0; p < kPlates; ++p) {
     sight_.seen[p] = false;
     if (!corners.seen[p]) continue;
@@ -72,12 +72,12 @@ void PoseStage::look(const MarkerCorners& corners) {
 // A square seen almost face-on has two poses of nearly the same reprojection error, mirror images in tilt. Of the up to
 // eight combinations the prior knows the right one; one step from each is enough to compare them, because it brings the
 // noisy tilts of small squares to where corners and prior together want them.
-PoseStage::Numbers PoseStage::estimate_jointly() {
+PoseStage::Vector PoseStage::estimate_jointly() {
   sight_.corner_sigma_px = kCornerSigmaPx;
-  Numbers best = Numbers::Constant(std::numeric_limits<double>::quiet_NaN());
+  Vector best = Vector::Constant(std::numeric_limits<double>::quiet_NaN());
   double best_cost = std::numeric_limits<double>::infinity();
   for (unsigned combination = 0; combination < 1U << kPlates; ++combination) {
-    Numbers numbers = estimator_.prior_mean();
+    Vector motion = estimator_.prior_mean();
     bool possible = true;
     for (std::size_t p = 0; p < kPlates; ++p) {
       const int choice = static_cast<int>(combination >> p & 1U);
@@ -85,37 +85,37 @@ PoseStage::Numbers PoseStage::estimate_jointly() {
       if (!possible) break;
       if (!sight_.seen[p]) continue;
       const Eigen::Isometry3d& pose = squares_[p].T_camera_marker[static_cast<std::size_t>(choice)];
-      numbers.segment<6>(6 * static_cast<int>(p)) = estimator_.motion(p, pose);
+      motion.segment<6>(6 * static_cast<int>(p)) = estimator_.motion(p, pose);
     }
     if (!possible) continue;
-    estimator_.gauss_newton_step(sight_, numbers);
-    const double cost = estimator_.cost(sight_, numbers);
+    estimator_.gauss_newton_step(sight_, motion);
+    const double cost = estimator_.cost(sight_, motion);
     if (cost < best_cost) {
       best_cost = cost;
-      best = numbers;
+      best = motion;
     }
   }
   return estimator_.estimate(sight_, best, kSteps);
 }
 
-PoseStage::Numbers PoseStage::estimate_one_by_one() const {
-  Numbers numbers = estimator_.prior_mean();
+PoseStage::Vector PoseStage::estimate_one_by_one() const {
+  Vector motion = estimator_.prior_mean();
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!sight_.seen[p]) continue;
-    numbers.segment<6>(6 * static_cast<int>(p)) = estimator_.motion(p, squares_[p].T_camera_marker[0]);
+    motion.segment<6>(6 * static_cast<int>(p)) = estimator_.motion(p, squares_[p].T_camera_marker[0]);
   }
-  return numbers;
+  return motion;
 }
 
 // True if a plate had to be left out. Comparisons are written so that not-a-number counts as the worst.
-bool PoseStage::drop_worst(const Numbers& numbers) {
+bool PoseStage::drop_worst(const Vector& motion) {
   double worst = 1;
   std::size_t worst_plate = kPlates;
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!sight_.seen[p]) continue;
-    double excess = estimator_.reprojection_px(sight_, p, numbers) / kLargestReprojectionPx;
+    double excess = estimator_.reprojection_px(sight_, p, motion) / kLargestReprojectionPx;
     if (method_ == PoseMethod::kJoint) {
-      excess = std::max(excess, estimator_.distance_from_prior(p, numbers) / kFarthestSigmas);
+      excess = std::max(excess, estimator_.distance_from_prior(p, motion) / kFarthestSigmas);
     }
     if (!(excess <= worst)) {
       worst = excess;

@@ -9,8 +9,7 @@
 namespace finsight {
 
 enum class PoseMethod : std::uint8_t {
-  kJoint,  ///< all plates at once from all corners, with the prior; the mirror poses of the squares are told apart by
-           ///< it
+  kJoint,     ///< all plates at once from all corners, with the prior, which tells the squares' mirror poses apart
   kPublished  ///< the paper's way: every marker alone by IPPE, whichever of its two poses fits the corners better
 };
 
@@ -27,20 +26,20 @@ class PoseStage {
   /// allocates.
   const PlatePoses& estimate(const MarkerCorners& corners);
   /// Of the corners that the last estimate used: one motion of the whole finger from where the plates are at `zero`.
-  RigidMotionFit as_one_body(const std::array<PlateMotion, kPlates>& zero) const { return one_body_.fit(sight_, zero); }
+  RigidMotionFit rigid_motion(const ZeroPose& zero) const { return rigid_motion_.fit(sight_, zero); }
 
  private:
-  using Numbers = PlateEstimator::Numbers;
-  void look(const MarkerCorners& corners);
-  Numbers estimate_jointly();
-  Numbers estimate_one_by_one() const;
-  bool drop_worst(const Numbers& numbers);
+  using Vector = PlateEstimator::Vector;
+  void unproject_corners(const MarkerCorners& corners);
+  Vector estimate_jointly();
+  Vector estimate_one_by_one() const;
+  bool drop_worst(const Vector& motion);
 
   Lens camera_;
   float marker_size_mm_;
   PlatePrior prior_;
   PlateEstimator estimator_;
-  RigidMotionFitter one_body_;
+  RigidMotionFitter rigid_motion_;
   PoseMethod method_;
   PlateSight sight_;
   std::array<SquarePoses, kPlates> squares_;  ///< of the seen plates: at least one pose each

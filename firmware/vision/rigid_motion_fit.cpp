@@ -32,7 +32,7 @@ RigidMotionFitter::RigidMotionFitter(const MountModel& mount, double focal_px)
 
 // A point that is at X with the zero is now at R X + t. Another dw and dt move it by dw x R X + dt; the camera sees
 // where it is along (x / z, y / z).
-RigidMotionFit RigidMotionFitter::fit(const PlateSight& sight, const std::array<PlateMotion, kPlates>& zero) const {
+RigidMotionFit RigidMotionFitter::fit(const PlateSight& sight, const ZeroPose& zero) const {
   std::array<std::array<Vector3d, 4>, kPlates> at_zero;
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Eigen::Matrix3d R = so3_exp(zero[p].rotation_rad.cast<double>());

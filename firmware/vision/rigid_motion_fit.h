@@ -6,14 +6,6 @@
 
 namespace finsight {
 
-/// How well one rigid motion of the whole finger explains all corners.
-struct RigidMotionFit {
-  double size_mm = 0;          ///< length of the 18 numbers (mm, and 28.65 mm per rad): 1 mm per plate is 1.7
-  double reprojection_px = 0;  ///< RMS distance of all seen corners from where that motion puts them
-  /// Square of the angle (rad) by which they are off on average, less what their scatter makes of it; may be negative.
-  double unexplained_sq = 0;
-};
-
 class RigidMotionFitter {
  public:
   /// `focal_px` turns angles into pixels.
@@ -21,7 +13,7 @@ class RigidMotionFitter {
 
   /// Least squares over the corners of all seen plates, from where they are at the zero: Gauss-Newton with three steps,
   /// which moves of up to 0.2 rad need. Infinite distances behind the camera. Never allocates.
-  RigidMotionFit fit(const PlateSight& sight, const std::array<PlateMotion, kPlates>& zero) const;
+  RigidMotionFit fit(const PlateSight& sight, const ZeroPose& zero) const;
 
  private:
   struct Plate {

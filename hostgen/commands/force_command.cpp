@@ -7,7 +7,7 @@
 #include "firmware/ports/camera.h"
 #include "firmware/settings/measured_mount.h"
 #include "firmware/settings/settings.h"
-#include "firmware/vision/vision_stages.h"
+#include "firmware/vision/observer.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/fem/contact_forces.h"
 #include "hostgen/util/common.h"

@@ -34,7 +34,7 @@ std::array<float, kPlates> CornerMeasurement::measure(const std::array<bool, kPl
       sight.rays[p][k] = corner.head<2>() / corner.z() + scatter * noise;
     }
   }
-  const PlateEstimator::Numbers found = view.estimator.estimate(sight, numbers.cast<double>(), kSteps);
+  const PlateEstimator::Vector found = view.estimator.estimate(sight, numbers.cast<double>(), kSteps);
   numbers = found.cast<float>();
   return view.estimator.noise(sight, found);
 }

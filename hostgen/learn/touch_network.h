@@ -39,7 +39,7 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
 /// the outputs for `trained.sample_inputs` change least.
 void quantise(TouchNetwork& trained);
 
-/// The float network's eleven numbers in physical units, for one pose and the noise of its plates (noise_of()).
+/// The float network's eleven numbers in physical units, for one pose and the noise of its plates (network_noise()).
 Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PoseVector& numbers,
                                                        const std::array<float, kPlates>& noise);
 

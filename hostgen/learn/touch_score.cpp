@@ -44,7 +44,7 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
       complete_from_prior(prior, how.seen, numbers);
       const PlatePoses poses = poses_of(numbers, how);
       const Touch& touch = stage.locate(poses);
-      const Vec3f float_point_mm = evaluate(trained, numbers, noise_of(poses)).head<3>();
+      const Vec3f float_point_mm = evaluate(trained, numbers, network_noise(poses)).head<3>();
       trials.push_back({state.path, state.point_mm, touch.point_mm - state.point_mm, touch.plate_motion_mm,
                         touch.radius_68_mm, state.force_n, touch.force_n - state.force_n, touch.force_sigma_n,
                         (touch.point_mm - float_point_mm).norm(), (float_point_mm - state.point_mm).norm()});

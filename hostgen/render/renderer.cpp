@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "firmware/vision/aruco_compat.h"
-#include "firmware/vision/vision_stages.h"
+#include "firmware/vision/observer.h"
 #include "hostgen/finger/plate_geometry.h"
 #include "hostgen/finger/plate_motion.h"
 

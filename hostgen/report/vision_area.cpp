@@ -195,7 +195,7 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
     const PlatePoses& poses = joint.look(corners, level, states[k], spec.rated_deformation_mm);
     seen += static_cast<std::size_t>(poses.seen_count());
     PlatePoses smoothed = poses;
-    filter.process(smoothed, static_cast<std::int64_t>(1e9 * static_cast<double>(k) / kFramesPerSecond));
+    filter.apply(smoothed, static_cast<std::int64_t>(1e9 * static_cast<double>(k) / kFramesPerSecond));
     smoothed_score.add(smoothed, smoothed_touch.locate(smoothed), kNoLevel, states[k], spec.rated_deformation_mm);
     alone.look(corners, kNoLevel, states[k], spec.rated_deformation_mm);
     progress.advance();

@@ -45,7 +45,7 @@ struct Device {
   const RegisterImage& frame(const PlatePoses& poses) {
     commands->poll();
     now_ns += 16'666'667;
-    return loop.step({.poses = &poses, .exposure_ns = now_ns, .sequence = sequence++});
+    return loop.step(Observation{.exposure_ns = now_ns, .sequence = sequence++, .poses = poses});
   }
   /// Frames until the command has ended; its result.
   int result_of(Command command, const PlatePoses& poses) {

@@ -21,7 +21,7 @@ bool show(MountCheck& check, const std::array<PlateMotion, kPlates>& plates, Ran
   }
   poses.seen = {true, true, true};
   poses.quality = Quality::kFresh;
-  return check.look(poses, body.fit(sight_of(plates, kFocalPx, kScatterPx, random), {}));
+  return check.update(poses, body.fit(sight_of(plates, kFocalPx, kScatterPx, random), {}));
 }
 
 bool after(MountCheck& check, int frames, const Eigen::Vector3d& t, const Eigen::Vector3d& w, Random& random) {
@@ -63,7 +63,7 @@ TEST_CASE("mount check: a gripper that moves a little now and then does not hide
     moved = show(check, moved_as_one({n % 50 < 6 ? 5.0 : 2.0, 0.5, -1}, {0.01, 0, -0.03}), random);
   }
   CHECK(moved);
-  check.begin_anew();
+  check.reset();
   CHECK_FALSE(after(check, MountCheck::kFrames - 1, {2, 0.5, -1}, {0.01, 0, -0.03}, random));
 }
 
@@ -87,6 +87,6 @@ TEST_CASE("mount check: a touch that is held for long is none, nor is a plate th
     PlatePoses poses;
     poses.seen = {true, false, true};
     poses.quality = Quality::kFresh;
-    CHECK_FALSE(check.look(poses, {.size_mm = 4, .reprojection_px = 0, .unexplained_sq = 0}));
+    CHECK_FALSE(check.update(poses, {.size_mm = 4, .reprojection_px = 0, .unexplained_sq = 0}));
   }
 }

@@ -26,7 +26,7 @@ TEST_CASE("pose filter: a steady move comes out late by the delay") {
   PoseFilter filter(50);
   for (int frame = 0; frame < 100; ++frame) {
     PlatePoses poses = poses_at(0.1F * static_cast<float>(frame));
-    filter.process(poses, frame * kPeriod_ns);
+    filter.apply(poses, frame * kPeriod_ns);
     if (frame < 60) continue;
     const double late_mm = 0.1 * frame - static_cast<double>(poses.plates[1].displacement_mm.z());
     CHECK(late_mm * 1000 / 60 / 0.1 == doctest::Approx(50).epsilon(0.01));
@@ -41,7 +41,7 @@ TEST_CASE("pose filter: noise shrinks as it says") {
   double square = 0, said = 0;
   for (int frame = 0; frame < 20000; ++frame) {
     PlatePoses poses = poses_at(static_cast<float>(random.normal()));
-    filter.process(poses, frame * kPeriod_ns);
+    filter.apply(poses, frame * kPeriod_ns);
     if (frame < 100) continue;
     square += std::pow(static_cast<double>(poses.plates[0].displacement_mm.z()), 2) / 19900;
     said = static_cast<double>(poses.noise[0]);
@@ -53,7 +53,7 @@ TEST_CASE("pose filter: noise shrinks as it says") {
 TEST_CASE("pose filter: a gap, another set of plates and a pause begin anew") {
   PoseFilter filter(50);
   const auto after = [&](PlatePoses poses, std::int64_t at_ns) {
-    filter.process(poses, at_ns);
+    filter.apply(poses, at_ns);
     return poses.plates[0].displacement_mm.z();
   };
   CHECK(after(poses_at(1), 0) == 1);
@@ -69,11 +69,11 @@ TEST_CASE("pose filter: without a delay and for held poses nothing changes") {
   PoseFilter none(0), some(50);
   for (int frame = 0; frame < 3; ++frame) {
     PlatePoses poses = poses_at(static_cast<float>(frame)), held = poses;
-    none.process(poses, frame * kPeriod_ns);
+    none.apply(poses, frame * kPeriod_ns);
     CHECK(poses.plates[0].displacement_mm.z() == frame);
     CHECK(poses.noise[0] == 1);
     held.quality = Quality::kHeld;
-    some.process(held, frame * kPeriod_ns);
+    some.apply(held, frame * kPeriod_ns);
     CHECK(held.plates[0].displacement_mm.z() == frame);
   }
 }

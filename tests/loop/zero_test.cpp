@@ -22,7 +22,7 @@ PlatePoses poses_at(float size, Quality quality = Quality::kFresh) {
 std::optional<bool> outcome(Zeroing& zeroing, PlatePoses poses, int frames) {
   for (int i = 0; i < frames; ++i) {
     PlatePoses frame = poses;
-    zeroing.process(frame);
+    zeroing.apply(frame);
     if (const auto done = zeroing.take_outcome()) return done;
   }
   return std::nullopt;
@@ -36,7 +36,7 @@ TEST_CASE("zero: after 60 frames the finger as it is now is at rest") {
   CHECK_FALSE(outcome(zeroing, poses_at(1), 59));
   CHECK(outcome(zeroing, poses_at(1), 1) == true);
   PlatePoses poses = poses_at(1);
-  zeroing.process(poses);
+  zeroing.apply(poses);
   for (int p = 0; p < kPlates; ++p) {
     CHECK(poses.plates[p].displacement_mm.norm() < 1e-5F);
     CHECK(poses.plates[p].rotation_rad.norm() < 1e-3F);
@@ -53,7 +53,7 @@ TEST_CASE("zero: later motions are those since the zero, turned about the plate'
   const Eigen::AngleAxisf now(q.toRotationMatrix() * at_zero.toRotationMatrix());
   PlatePoses poses = poses_at(0);
   poses.plates[0] = {Vec3f(0.5F, 0, 1) + Vec3f(1, 2, 3), now.angle() * now.axis()};
-  zeroing.process(poses);
+  zeroing.apply(poses);
   CHECK((poses.plates[0].displacement_mm - Vec3f(1, 2, 3)).norm() < 1e-5F);
   CHECK((poses.plates[0].rotation_rad - 0.3F * q.axis()).norm() < 1e-5F);
 }
@@ -92,7 +92,7 @@ TEST_CASE("zero: a missing plate is waited for, and not taken for a zero") {
   PlatePoses partly = poses_at(1);
   partly.seen[1] = false;
   zeroing.begin();
-  CHECK_FALSE(outcome(zeroing, partly, Zeroing::kLongest));
+  CHECK_FALSE(outcome(zeroing, partly, Zeroing::kMaxFrames));
   CHECK(outcome(zeroing, partly, 1) == false);
   zeroing.begin();
   CHECK_FALSE(outcome(zeroing, partly, 100));
@@ -104,8 +104,8 @@ TEST_CASE("zero: what is further than a touch may be is refused, and so is a zer
   zeroing.begin();
   CHECK(outcome(zeroing, poses_at(1), 1) == false);
   zeroing.begin();
-  zeroing.give_up();
+  zeroing.cancel();
   CHECK(zeroing.take_outcome() == false);
-  zeroing.give_up();  // nothing is being measured
+  zeroing.cancel();  // nothing is being measured
   CHECK_FALSE(zeroing.take_outcome());
 }

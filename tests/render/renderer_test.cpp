@@ -8,7 +8,7 @@
 
 #include "firmware/geometry/so3.h"
 #include "firmware/vision/aruco_compat.h"
-#include "firmware/vision/vision_stages.h"
+#include "firmware/vision/observer.h"
 
 using namespace finsight;
 using namespace finsight::host;

@@ -76,5 +76,5 @@ TEST_CASE("features: unseen plates have their own noise, others stay within what
   PlatePoses poses;
   poses.seen = {true, false, true};
   poses.noise = {1e-6f, 1, 1e6f};
-  CHECK(noise_of(poses) == std::array{kMinNoise, kUnseenNoise, kMaxNoise});
+  CHECK(network_noise(poses) == std::array{kMinNoise, kUnseenNoise, kMaxNoise});
 }

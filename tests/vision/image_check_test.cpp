@@ -26,17 +26,17 @@ struct Image {
 
 TEST_CASE("image check: noise is never taken for a frozen camera") {
   ImageCheck check;
-  for (std::uint64_t frame = 1; frame < 100; ++frame) CHECK(check.look(Image(100, frame).view()) == ImageFault::kNone);
+  for (std::uint64_t frame = 1; frame < 100; ++frame) CHECK(check.check(Image(100, frame).view()) == ImageFault::kNone);
 }
 
 TEST_CASE("image check: the sixth equal image is frozen, a new one ends it") {
   ImageCheck check;
   const Image same(100, 1);
-  for (int frame = 0; frame < 5; ++frame) CHECK(check.look(same.view()) == ImageFault::kNone);
-  CHECK(check.look(same.view()) == ImageFault::kFrozen);
-  CHECK(check.look(same.view()) == ImageFault::kFrozen);
-  CHECK(check.look(Image(100, 2).view()) == ImageFault::kNone);
-  CHECK(check.look(same.view()) == ImageFault::kNone);
+  for (int frame = 0; frame < 5; ++frame) CHECK(check.check(same.view()) == ImageFault::kNone);
+  CHECK(check.check(same.view()) == ImageFault::kFrozen);
+  CHECK(check.check(same.view()) == ImageFault::kFrozen);
+  CHECK(check.check(Image(100, 2).view()) == ImageFault::kNone);
+  CHECK(check.check(same.view()) == ImageFault::kNone);
 }
 
 TEST_CASE("image check: one pixel makes another image") {
@@ -44,7 +44,7 @@ TEST_CASE("image check: one pixel makes another image") {
   Image one(100, 1);
   for (int frame = 0; frame < 20; ++frame) {
     one.grey[8 * kWidth + 33] = static_cast<std::uint8_t>(frame);
-    CHECK(check.look(one.view()) == ImageFault::kNone);
+    CHECK(check.check(one.view()) == ImageFault::kNone);
   }
 }
 
@@ -52,7 +52,7 @@ TEST_CASE("image check: up to four images in turn are frozen, five are not") {
   for (int ring = 2; ring <= 5; ++ring) {
     ImageCheck check;
     for (int frame = 0; frame < 40; ++frame) {
-      const ImageFault fault = check.look(Image(100, 1 + static_cast<std::uint64_t>(frame % ring)).view());
+      const ImageFault fault = check.check(Image(100, 1 + static_cast<std::uint64_t>(frame % ring)).view());
       CHECK((fault == ImageFault::kFrozen) == (ring <= 4 && frame >= ring + 4));
     }
   }
@@ -62,22 +62,22 @@ TEST_CASE("image check: a dark image that repeats is frozen, whatever little it 
   ImageCheck check;
   Image dark(1);
   dark.grey[8 * kWidth + 40] = 200;  // a lit marker on black
-  for (int frame = 0; frame < 5; ++frame) CHECK(check.look(dark.view()) == ImageFault::kDark);
-  CHECK(check.look(dark.view()) == ImageFault::kFrozen);
+  for (int frame = 0; frame < 5; ++frame) CHECK(check.check(dark.view()) == ImageFault::kDark);
+  CHECK(check.check(dark.view()) == ImageFault::kFrozen);
 }
 
 TEST_CASE("image check: plain dark and bright images are, frozen or not") {
   ImageCheck check;
-  for (int frame = 0; frame < 8; ++frame) CHECK(check.look(Image(2).view()) == ImageFault::kDark);
-  for (int frame = 0; frame < 8; ++frame) CHECK(check.look(Image(255).view()) == ImageFault::kBright);
-  CHECK(check.look(Image(10, 1).view()) == ImageFault::kNone);
-  CHECK(check.look(Image(240, 1).view()) == ImageFault::kNone);
+  for (int frame = 0; frame < 8; ++frame) CHECK(check.check(Image(2).view()) == ImageFault::kDark);
+  for (int frame = 0; frame < 8; ++frame) CHECK(check.check(Image(255).view()) == ImageFault::kBright);
+  CHECK(check.check(Image(10, 1).view()) == ImageFault::kNone);
+  CHECK(check.check(Image(240, 1).view()) == ImageFault::kNone);
 }
 
 TEST_CASE("image check: no image is no fault of the image's") {
-  CHECK(ImageCheck().look({}) == ImageFault::kNone);
-  CHECK(ImageCheck().look({nullptr, 10, 10, 10}) == ImageFault::kNone);
-  CHECK(ImageCheck().look({Image(0).grey.data(), kWidth, kHeight, kWidth / 2}) == ImageFault::kNone);
+  CHECK(ImageCheck().check({}) == ImageFault::kNone);
+  CHECK(ImageCheck().check({nullptr, 10, 10, 10}) == ImageFault::kNone);
+  CHECK(ImageCheck().check({Image(0).grey.data(), kWidth, kHeight, kWidth / 2}) == ImageFault::kNone);
 }
 
 namespace {
@@ -101,7 +101,7 @@ ImageFault after(ImageCheck& check, int images, int width, double blur_px, doubl
   ImageFault fault = ImageFault::kNone;
   for (int n = 0; n < images; ++n) {
     const auto grey = bars(width, 40, blur_px, contrast, random);
-    fault = check.look({grey.data(), width, 40, width});
+    fault = check.check({grey.data(), width, 40, width});
   }
   return fault;
 }

@@ -8,7 +8,7 @@
 
 using namespace finsight;
 using namespace finsight::test;
-using Numbers = PlateEstimator::Numbers;
+using Numbers = PlateEstimator::Vector;
 
 namespace {
 

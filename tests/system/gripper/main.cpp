@@ -44,7 +44,7 @@ class Device {
     add_noise(noise_, random, numbers);
     const PlatePoses poses = seen_poses({numbers.data(), 18});
     commands_.poll();
-    server_.publish(loop_.step({.poses = &poses, .exposure_ns = steady_now_ns(), .sequence = ++sequence_}));
+    server_.publish(loop_.step(Observation{.exposure_ns = steady_now_ns(), .sequence = ++sequence_, .poses = poses}));
   }
 
   Inputs read() {

@@ -1,0 +1,28 @@
+// Frame -> Observation: image check, markers, plate poses. The only folder of the firmware that uses OpenCV, and only
+// in aruco_compat.cpp and marker_detector.cpp.
+#pragma once
+
+#include "firmware/vision/image_check.h"
+#include "firmware/vision/marker_stage.h"
+#include "firmware/vision/pose_stage.h"
+
+namespace finsight {
+
+class Observer {
+ public:
+  /// Throws InputError for a lens that cannot be one, and for a mount or prior that cannot be a finger's.
+  Observer(const MountModel& mount, const PlatePrior& prior, const Lens& lens)
+      : markers_(mount, in_single_precision(lens)), poses_(mount, prior, in_single_precision(lens)) {}
+
+  /// What the frame shows. Poses are motions from the model's rest; invalid in an image that repeats an earlier one.
+  /// `zero` is where the rigid motion of the whole finger, if all plates are seen, is counted from. Allocates (OpenCV
+  /// does), never throws.
+  Observation observe(const Frame& frame, const ZeroPose& zero);
+
+ private:
+  ImageCheck check_;
+  MarkerStage markers_;
+  PoseStage poses_;
+};
+
+}  // namespace finsight
