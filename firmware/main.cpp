@@ -37,7 +37,8 @@ constexpr const char* kUsage =
     "  --help, --version\n"
     "\n"
     "Stops on SIGINT and SIGTERM, or at the end of a recording that does not repeat.\n"
-    "exit codes: 0 done, 1 failed at work (port in use, camera lost), 2 bad settings, model or recording\n";
+    "exit codes: 0 done, 1 failed at work (port in use, camera lost), 2 bad settings, model or recording,\n"
+    "            3 the model's self-test gave other answers than expected\n";
 static_assert(RegisterLog::kMaxBlocks == 262144);
 
 std::atomic<bool> stop_requested{false};
@@ -73,8 +74,8 @@ Arguments parse(int argc, char** argv) {
   return arguments;
 }
 
-/// What start() returns when it is to be called again.
-constexpr int kStartAgain = -1;
+/// Exit codes; kStartAgain is start()'s alone: it is to be called again.
+enum ExitCode : int { kStartAgain = -1, kDone = 0, kFailed = 1, kInputRefused = 2, kSelfTestFailed = 3 };
 
 /// The work itself. Opens everything in an order in which every thread starts before the loop becomes real-time.
 int measure(const Arguments& arguments, const Settings& settings) {
@@ -84,14 +85,14 @@ int measure(const Arguments& arguments, const Settings& settings) {
   LoopSettings loop_settings = settings.loop;
   if (settings.mount) loop_settings.mount = corrected_mount(model.mount, *settings.mount);
   FrameLoop loop(model, source_lens(settings, model), loop_settings);
-  const auto camera = open_source(settings);
+  const OpenSource source = open_source(settings);
   const ZeroBasis basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount))};
   const LoadedState saved = load_state_or_factory(settings.saved_state, &basis, settings.loop.runtime);
   if (!saved.problem.empty()) {
     log_message(saved.problem);
     loop.set_lasting_fault(FaultCode::kSavedSettings);
   }
-  if (arguments.check) return 0;
+  if (arguments.check) return kDone;
   std::optional<StateSaver> saver;
   if (!settings.saved_state.empty()) saver.emplace(settings.saved_state, basis);
   std::optional<Recorder> recorder;
@@ -106,32 +107,36 @@ int measure(const Arguments& arguments, const Settings& settings) {
   log_message("Modbus TCP on " + settings.modbus.address + ":" + std::to_string(server.port()));
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
-  const Device device{*camera, loop, commands, server, outputs, log, recorder ? &*recorder : nullptr};
+  const Device device{source, loop, commands, server, outputs, log, recorder ? &*recorder : nullptr};
   if (!run_loop(device, timeout_ms, stop_requested)) {
     throw std::runtime_error("gpio: the outputs can no longer be set");
   }
   if (const auto left_out = log.write()) {
     log_message(arguments.registers + ": " + std::to_string(left_out) + " later blocks had no room");
   }
-  const CameraCounts counts = camera->counts();
+  const SourceStatus& status = status_of(source);
+  const CameraCounts counts = status.counts();
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
                loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
   if (commands.reset_is_ordered() && !stop_requested) {
     log_message("a client ordered a reset");
     return kStartAgain;
   }
-  if (!camera->ended() || camera->error().empty()) return 0;
-  log_message(camera->error());
-  return 2;
+  if (!status.ended() || status.error().empty()) return kDone;
+  log_message(status.error());
+  return kInputRefused;
+}
+
+/// The fault that safe mode serves after the firmware ended with this exit code.
+FaultCode fault_after(const std::string& exit_code) {
+  if (exit_code == std::to_string(kInputRefused)) return FaultCode::kSettingsRefused;
+  return exit_code == std::to_string(kSelfTestFailed) ? FaultCode::kSelfTest : FaultCode::kFailedRepeatedly;
 }
 
 int start(const Arguments& arguments) {
   const SettingsFiles files(arguments.settings, arguments.user);
   if (!arguments.safe_mode.empty()) {
-    const bool refused = arguments.safe_mode == "2";
-    return SafeMode(files, refused ? FaultCode::kSettingsRefused : FaultCode::kFailedRepeatedly).run(stop_requested)
-               ? 0
-               : 1;
+    return SafeMode(files, fault_after(arguments.safe_mode)).run(stop_requested) ? 0 : 1;
   }
   if (!arguments.network.empty()) {
     write_file_atomically(arguments.network, networkd_file(read_network_settings(files)));
@@ -160,11 +165,14 @@ int main(int argc, char** argv) {
       if (code != kStartAgain) return code;
       before.restore();
     }
+  } catch (const SelfTestError& error) {
+    log_message(error.what());
+    return kSelfTestFailed;
   } catch (const InputError& error) {
     log_message(error.what());
-    return 2;
+    return kInputRefused;
   } catch (const std::exception& error) {
     log_message(error.what());
-    return 1;
+    return kFailed;
   }
 }

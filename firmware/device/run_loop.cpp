@@ -6,28 +6,42 @@
 
 namespace finsight {
 
-bool run_loop(Device device, int timeout_ms, const std::atomic<bool>& stop) {
+namespace {
+
+void record(Recorder* recorder, const Frame& frame, const RegisterImage& image) {
+  if (recorder) recorder->add(frame, image);
+}
+void record(Recorder*, const Observation&, const RegisterImage&) {}  // there is no image to record
+
+template <class Sample>
+bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomic<bool>& stop) {
   Supervisor supervisor;
   supervisor.ready();
   std::uint32_t openings = 0;
   while (!stop && !device.commands.reset_is_due()) {
-    Frame frame;
-    const bool has_frame = device.camera.next(frame, timeout_ms);
-    if (!has_frame && device.camera.ended()) return true;
+    Sample sample;
+    const bool has_frame = source.next(sample, timeout_ms);
+    if (!has_frame && source.ended()) return true;
     device.commands.poll();
     if (device.outputs.trigger_rises()) device.commands.trigger();
     const std::int64_t now_ns = steady_now_ns();
-    const RegisterImage& image = has_frame ? device.loop.step(frame) : device.loop.step_without_frame(now_ns);
+    const RegisterImage& image = has_frame ? device.loop.step(sample) : device.loop.step_without_frame(now_ns);
     device.server.publish(image);
     // A search for a missing camera is a sign of life, too: a restart would not find it, only disconnect the clients.
-    const std::uint32_t before = std::exchange(openings, device.camera.counts().openings);
+    const std::uint32_t before = std::exchange(openings, source.counts().openings);
     if (has_frame || openings != before) supervisor.alive(now_ns, has_frame);
     if (!device.outputs.set(image, device.loop.state().settings)) return false;
     if (!has_frame) continue;
     device.log.add(image);
-    if (device.recorder) device.recorder->add(frame, image);
+    record(device.recorder, sample, image);
   }
   return true;
+}
+
+}  // namespace
+
+bool run_loop(Device device, int timeout_ms, const std::atomic<bool>& stop) {
+  return std::visit([&](const auto& source) { return run(*source, device, timeout_ms, stop); }, device.source);
 }
 
 }  // namespace finsight

@@ -6,15 +6,15 @@
 #include "firmware/device/commands.h"
 #include "firmware/device/outputs.h"
 #include "firmware/device/register_log.h"
+#include "firmware/device/source.h"
 #include "firmware/modbus/server.h"
-#include "firmware/ports/camera.h"
 
 namespace finsight {
 
 /// What works together while frames come. All threads beside the loop's exist before it starts, so that none inherits
 /// its processor or priority.
 struct Device {
-  Camera& camera;
+  const OpenSource& source;
   FrameLoop& loop;
   Commands& commands;
   ModbusServer& server;

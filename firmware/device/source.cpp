@@ -6,16 +6,20 @@
 
 namespace finsight {
 
-std::unique_ptr<Camera> open_source(const Settings& settings) {
+OpenSource open_source(const Settings& settings) {
   switch (settings.source) {
     case Settings::Source::kSession:
       return open_session_camera(settings.replay);
     case Settings::Source::kPoses:
-      return open_pose_camera(settings.replay);
+      return open_pose_replay(settings.replay);
     case Settings::Source::kCamera:
       break;
   }
   return open_live_camera(settings.camera, log_message);
+}
+
+const SourceStatus& status_of(const OpenSource& source) {
+  return std::visit([](const auto& opened) -> const SourceStatus& { return *opened; }, source);
 }
 
 std::optional<Lens> source_lens(const Settings& settings, const Model& model) {

@@ -4,14 +4,19 @@
 
 #include <memory>
 #include <optional>
+#include <variant>
 
 #include "firmware/settings/settings.h"
 
 namespace finsight {
 
+/// Images to observe, or observations that were recorded.
+using OpenSource = std::variant<std::unique_ptr<Camera>, std::unique_ptr<PoseReplay>>;
+
 /// Throws InputError for a recording that cannot be used. A camera that is missing is not an error: see
 /// open_live_camera().
-std::unique_ptr<Camera> open_source(const Settings& settings);
+OpenSource open_source(const Settings& settings);
+const SourceStatus& status_of(const OpenSource& source);
 
 /// The lens of the source's images; nothing where plate poses take their place. Throws InputError for a session of
 /// markers other than the model's.

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "firmware/input_error.h"
 #include "firmware/loop/hold.h"
 #include "firmware/modbus/registers.h"
 #include "firmware/touch/touch_stage.h"
@@ -14,24 +13,16 @@ namespace {
 void check_near(const Model& model, std::size_t number, const char* what, std::size_t index, double found,
                 double expected, double tolerance) {
   if (std::abs(found - expected) <= tolerance) return;  // false for NaN
-  throw InputError(model.file().path(),
-                   "self-test case " + std::to_string(number) + ", " + what + " " + std::to_string(index),
-                   std::to_string(found), std::to_string(expected) + " within " + std::to_string(tolerance));
-}
-
-// Float mirrors are compared as the integers beside them; half a float is no number of counts.
-bool is_float_mirror(std::size_t address) { return address >= 20 && address < 32; }
-
-// Status bits, fault, shape source and limits: one count more means something else. All other registers are numbers.
-int tolerance_of(std::size_t address) {
-  return address == 0 || address == 1 || address == 43 || address == 44 ? 0 : kSelfTestRegisterTolerance;
+  throw SelfTestError(model.file().path(),
+                      "self-test case " + std::to_string(number) + ", " + what + " " + std::to_string(index),
+                      std::to_string(found), std::to_string(expected) + " within " + std::to_string(tolerance));
 }
 
 // As numbers on a ring, like the counts of both signed and unsigned registers.
 void check_register(const Model& model, std::size_t number, std::size_t address, std::uint16_t found,
-                    std::uint16_t expected) {
+                    std::uint16_t expected, int tolerance) {
   const int difference = static_cast<std::int16_t>(found - expected);
-  check_near(model, number, "register", address, expected + difference, expected, tolerance_of(address));
+  check_near(model, number, "register", address, expected + difference, expected, tolerance);
 }
 
 void check_shape(const Model& model, std::size_t number, const char* what, std::span<const float> found,
@@ -41,11 +32,17 @@ void check_shape(const Model& model, std::size_t number, const char* what, std::
   }
 }
 
+// Bits and codes must be equal: one count more means something else. Float mirrors are compared as the integers beside
+// them, because half a float is not a number of counts.
 void check_registers(const Model& model, std::size_t number, const RegisterImage& found,
                      std::span<const std::uint16_t> expected) {
-  for (std::size_t i = 0; i < kMeasurementRegisters; ++i) {
-    if (is_float_mirror(i)) continue;
-    check_register(model, number, i, found.words[i], expected[kMeasurementRegisters * number + i]);
+  for (const RegisterRow& row : kRegisterTable.measurements) {
+    if (row.type == RegisterType::kFloat32) continue;
+    for (int word = 0; word < words_of(row.type); ++word) {
+      const auto address = static_cast<std::size_t>(row.address + word);
+      check_register(model, number, address, found.words[address], expected[kMeasurementRegisters * number + address],
+                     row.is_number() ? kSelfTestRegisterTolerance : 0);
+    }
   }
 }
 

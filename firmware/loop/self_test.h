@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "firmware/input_error.h"
 #include "firmware/model/model.h"
 #include "firmware/shape/shape_stage.h"
 
@@ -25,7 +26,12 @@ inline constexpr float kSelfTestShapeTolerance_mm = 1e-3F;
 inline constexpr float kSelfTestTouchTolerance = 1e-2F;  ///< mm and N
 inline constexpr int kSelfTestRegisterTolerance = 1;     ///< counts; bits and codes must be equal
 
-/// Throws InputError naming the case, what was found and what was expected.
+/// This build, on this processor, answers otherwise than the pack's author expects.
+struct SelfTestError : InputError {
+  using InputError::InputError;
+};
+
+/// Throws SelfTestError naming the case, what was found and what was expected.
 void check_self_test(const Model& model);
 
 }  // namespace finsight

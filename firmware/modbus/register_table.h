@@ -121,7 +121,7 @@ inline constexpr NamedValue kFaults[] = {
     {1, "camera_lost"},
     {2, "markers_lost"},
     {3, "solver_failed"},
-    {4, "self_test_failed"},
+    {4, "self_test_failed", "safe mode"},
     {5, "settings_or_model_refused", "safe mode"},
     {6, "failed_repeatedly", "safe mode"},
     {7, "saved_settings_refused", "or the saved zero; factory values are in use; cleared by command 3"},

@@ -22,19 +22,24 @@ struct CameraCounts {
   std::uint32_t openings = 0;  ///< how often it was opened or found missing: grows while it is looked for
 };
 
-/// What gives samples, one after the other: a Camera frames, a PoseReplay observations.
-template <class Sample>
-class Source {
+/// How a source is doing.
+class SourceStatus {
  public:
-  virtual ~Source() = default;
-  /// Waits for the next sample, at most `timeout_ms`. False: none came, see ended(). What `sample` points to stays
-  /// valid until the next call. Never throws.
-  virtual bool next(Sample& sample, int timeout_ms) = 0;
+  virtual ~SourceStatus() = default;
   /// Nothing will come any more: a replay is over and does not repeat, or it failed (see error()).
   virtual bool ended() const = 0;
   /// Why samples stopped coming; empty while all is well.
   virtual std::string error() const = 0;
   virtual CameraCounts counts() const { return {}; }
+};
+
+/// What gives samples, one after the other: a Camera frames, a PoseReplay observations.
+template <class Sample>
+class Source : public SourceStatus {
+ public:
+  /// Waits for the next sample, at most `timeout_ms`. False: none came, see ended(). What `sample` points to stays
+  /// valid until the next call. Never throws.
+  virtual bool next(Sample& sample, int timeout_ms) = 0;
 };
 using Camera = Source<Frame>;
 using PoseReplay = Source<Observation>;

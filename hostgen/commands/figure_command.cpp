@@ -8,7 +8,7 @@
 #include "firmware/settings/settings.h"
 #include "firmware/shape/shape_stage.h"
 #include "firmware/touch/touch_stage.h"
-#include "firmware/vision/vision_stages.h"
+#include "firmware/vision/observer.h"
 #include "hostgen/calibrate/grey_image.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/render/figure.h"

@@ -126,7 +126,6 @@ Frame frame_of(const std::vector<std::uint8_t>& grey, const Lens& camera, std::s
           .width_px = camera.width_px,
           .height_px = camera.height_px,
           .stride_bytes = camera.width_px,
-          .poses = nullptr,
           .exposure_ns = steady_now_ns(),
           .sequence = static_cast<std::uint32_t>(number)};
 }
@@ -145,7 +144,7 @@ class Way {
   Way(const Model& model, const Lens& lens, PoseMethod method)
       : stage_(model.mount, model.prior, lens, method), touch_(model) {}
 
-  const PlatePoses& look(const MarkerCorners& corners, double level_permille, const FemState& truth, double rated_mm) {
+  const PlatePoses& add(const MarkerCorners& corners, double level_permille, const FemState& truth, double rated_mm) {
     const double before_ms = thread_cpu_ms();
     const PlatePoses& poses = stage_.estimate(corners);
     estimate_us_.push_back(1e3 * (thread_cpu_ms() - before_ms));
@@ -192,12 +191,12 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
     cpu_ms.push_back(thread_cpu_ms() - cpu_before_ms);
     const double level = registers.words[kStatusRegister] & kShapeValid ? registers.words[kLevelRegister] : kNoLevel;
     const MarkerCorners& corners = markers.find(frame);
-    const PlatePoses& poses = joint.look(corners, level, states[k], spec.rated_deformation_mm);
+    const PlatePoses& poses = joint.add(corners, level, states[k], spec.rated_deformation_mm);
     seen += static_cast<std::size_t>(poses.seen_count());
     PlatePoses smoothed = poses;
     filter.apply(smoothed, static_cast<std::int64_t>(1e9 * static_cast<double>(k) / kFramesPerSecond));
     smoothed_score.add(smoothed, smoothed_touch.locate(smoothed), kNoLevel, states[k], spec.rated_deformation_mm);
-    alone.look(corners, kNoLevel, states[k], spec.rated_deformation_mm);
+    alone.add(corners, kNoLevel, states[k], spec.rated_deformation_mm);
     progress.advance();
   }
   json figures = joint.figures();
