@@ -180,6 +180,13 @@ class BadInput(unittest.TestCase):
         path.write_bytes(PACK.read_bytes()[:-100])
         self.assertEqual(self.check(path).returncode, 2)
 
+    def test_safe_mode_says_why_the_firmware_ended(self):
+        for exit_code, fault in ((1, 6), (2, 5), (3, 4)):  # 3: the self-test failed
+            with self.subTest(exit_code), Firmware(session_source(), extra_arguments=("--safe-mode", str(exit_code))) as safe:
+                reader = Reader(safe.port)
+                self.assertEqual(reader.read().words[1], fault)
+                reader.close()
+
     def test_a_used_port_is_a_clear_error(self):
         with socket.socket() as taken, tempfile.TemporaryDirectory() as folder:
             taken.bind(("127.0.0.1", 0))
