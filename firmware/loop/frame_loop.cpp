@@ -53,7 +53,7 @@ const RegisterImage& FrameLoop::process(Observation seen, StageClock clock) {
   return registers;
 }
 
-// Poses become relative to the zero, and what frames over time tell about them is added.
+// Makes the poses relative to the zero and adds what can only be told from several frames.
 void FrameLoop::zero(Observation& seen) {
   if (seen.image_fault == ImageFault::kMissing) zeroing_.cancel();
   if (zeroing_.apply(seen.poses)) {
@@ -69,14 +69,14 @@ void FrameLoop::zero(Observation& seen) {
   filter_.apply(seen.poses, seen.exposure_ns);
 }
 
-// Held poses were located when they were fresh. Plates that moved as one body were not moved by a touch.
+// Held poses were located when they were fresh. No touch moves all plates as one rigid body.
 Touch FrameLoop::locate(const Observation& seen, const PlatePoses& poses, const PoseVector& motion) {
   if (poses.quality != Quality::kFresh || seen.moved_as_one || seen.camera_moved) return {};
   return touch_.locate(poses, motion, seen.shaken_mm);
 }
 
 void FrameLoop::judge(const Observation& seen, const FingerShape& shape, const Touch& touch) {
-  if (touch.quality != Quality::kInvalid || touch.over_range) zeroing_.cancel();  // what is touched is not at rest
+  if (touch.quality != Quality::kInvalid || touch.over_range) zeroing_.cancel();  // a touched finger is not at rest
   state_.camera_fault = seen.image_fault == ImageFault::kMissing || seen.image_fault == ImageFault::kFrozen;
   state_.fault = fault_of(seen, hold_.is_over(), shape, lasting_fault_);
   state_.zeroed = zeroing_.zero().has_value();

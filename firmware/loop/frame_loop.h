@@ -25,12 +25,12 @@ struct LoopSettings {
   std::optional<MountModel> mount = std::nullopt;  ///< of this device, instead of the model's
 };
 
-/// Frame in, registers out. The model must outlive the loop. After construction nothing allocates (but OpenCV's marker
-/// detector), throws, prints or waits; every stage always gives a value with a Quality.
+/// Frame in, registers out. The model must outlive the loop. After construction nothing allocates (except OpenCV's
+/// marker detector), throws, prints or waits; every stage always gives a value with a Quality.
 class FrameLoop {
  public:
-  /// Without a camera only recorded observations can be processed. Throws InputError for a camera model that cannot be
-  /// one, and for a mount that cannot be a finger's.
+  /// Without a camera only recorded observations can be processed. Throws InputError for an impossible lens or
+  /// mount.
   FrameLoop(const Model& model, const std::optional<Lens>& camera, const LoopSettings& settings);
 
   /// One frame through all stages: this function is the product. Needs the camera.
@@ -40,7 +40,7 @@ class FrameLoop {
   /// not seen are completed from the model's prior.
   const RegisterImage& step(const Observation& recorded);
 
-  /// No frame came until `now_ns` (steady clock): publishes again what is held, or invalid values after the hold time.
+  /// No frame came until `now_ns` (steady clock): publishes the held values, or invalid ones after the hold time.
   const RegisterImage& step_without_frame(std::int64_t now_ns);
 
   /// From the next frame on.

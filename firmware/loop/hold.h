@@ -1,5 +1,5 @@
-// The one place that decides what is fresh, held or invalid: short gaps (a hand before the light, a lost frame) repeat
-// what was last measured, marked as held; longer ones end it.
+// The one place that decides what is fresh, held or invalid: during short gaps (a shadow, a lost frame) the
+// last measured values are repeated, marked as held; after longer ones they are invalid.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,7 @@ class Hold {
   /// No poses have been fresh for longer than the hold time, or ever.
   bool is_over() const { return is_over_; }
 
-  /// What is held was measured from another zero.
+  /// Forgets what was measured from another zero.
   void reset() { *this = Hold(); }
 
  private:

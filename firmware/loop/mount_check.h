@@ -1,4 +1,5 @@
-// Whether the camera still sits where it did: all plates seem to move like one rigid body, which no touch can do.
+// Whether the camera still sits where it did: if it was knocked, all plates seem to have moved as
+// one rigid body, which no touch can do.
 #pragma once
 
 #include <array>
@@ -10,25 +11,25 @@ namespace finsight {
 
 class MountCheck {
  public:
-  static constexpr int kFrames = 300;       ///< of standing still before anything is said: 5 s at 60 frames/s
-  static constexpr float kStill_mm = 0.5F;  ///< further from the mean is a movement
-  static constexpr int kBrief =
-      30;  ///< frames; a shorter movement does not count, after a longer one the standing still starts over
+  static constexpr int kFrames = 300;       ///< that the plates must stand still before the verdict: 5 s at 60 frames/s
+  static constexpr float kStill_mm = 0.5F;  ///< a plate further than this from its mean has moved
+  /// Frames: a shorter movement is ignored, after a longer one the plates must stand still from the start.
+  static constexpr int kBrief = 30;
   static constexpr double kKnocked_mm = 2;  ///< RigidMotionFit::size_mm: 1 mm per plate
-  /// Angle by which corners may be off where one body says, per mm of its motion. Of all finite-element states of the
-  /// default finger none leaves less than 1.2e-4; scatter leaves hardly any, because it is the same on both sides.
-  static constexpr double kLargestRest_rad_mm = 7e-5;
+  /// Residual angle of the corners per mm of rigid motion up to which that motion explains them. All finite-element
+  /// states of the default finger leave at least 1.2e-4; a knocked camera leaves hardly any.
+  static constexpr double kMaxResidual_rad_mm = 7e-5;
 
-  /// With every frame's zeroed poses, and how well one rigid motion explains what they were measured from. True while
-  /// the finger stands still and is displaced as one body: the camera or the finger in its holder was knocked. Needs
-  /// all three plates. Never allocates.
+  /// To be called with every frame's zeroed poses and how well one rigid motion explains the corners that they were
+  /// measured from. True while the finger stands still and is displaced as one body: the camera, or the finger in its
+  /// holder, was knocked. Frames without all three plates change nothing. Never allocates.
   bool update(const PlatePoses& poses, const std::optional<RigidMotionFit>& fit);
-  /// Whether one rigid motion explains this frame alone: what it shows is no touch, knocked or not.
+  /// Whether one rigid motion explains this frame alone: then it does not show a touch, knocked or not.
   static bool is_rigid_motion(const RigidMotionFit& fit) {
-    const double rest_rad = kLargestRest_rad_mm * fit.size_mm;
-    return fit.size_mm > kKnocked_mm && fit.unexplained_sq < rest_rad * rest_rad;
+    const double residual_rad = kMaxResidual_rad_mm * fit.size_mm;
+    return fit.size_mm > kKnocked_mm && fit.unexplained_sq < residual_rad * residual_rad;
   }
-  /// What was seen so far was seen from another zero.
+  /// Forgets what was measured from another zero.
   void reset() {
     frames_ = moving_ = 0;
     knocked_ = false;

@@ -1,4 +1,4 @@
-// An option against noise: plate motions that follow the measured ones with a known delay.
+// Optional noise reduction: a low-pass on the plate motions with a known delay.
 #pragma once
 
 #include <cstdint>
@@ -13,16 +13,17 @@ class PoseFilter {
  public:
   /// 0: poses pass unchanged.
   explicit PoseFilter(double delay_ms) : delay_ns_(delay_ms * 1e6) {}
-  /// Only fresh poses take part. A gap, or plates that are seen no longer or again, start over with what is measured.
+  /// Only fresh poses take part. The filter starts over after a gap and when plates disappear or
+  /// reappear.
   void apply(PlatePoses& poses, std::int64_t exposure_ns);
-  /// What was measured so far was measured from another zero.
+  /// Forgets what was measured from another zero.
   void reset() { last_.quality = Quality::kInvalid; }
 
  private:
   double delay_ns_;
   PlatePoses last_;
   std::int64_t last_ns_ = 0;
-  double noise_share_ = 1;  ///< of the measurement's standard deviation that is left
+  double noise_share_ = 1;  ///< remaining part of the measurement's standard deviation
 };
 
 }  // namespace finsight

@@ -1,5 +1,5 @@
-// What the pack's author expects every build of the firmware to answer: run by hostgen on writing, by the board at
-// every start.
+// Plate poses with the answers that every build of the firmware must give: run by hostgen when it writes a pack, and by
+// the board at every start.
 #pragma once
 
 #include <array>
@@ -17,16 +17,16 @@ struct SelfTestAnswer {
   RegisterImage registers;
 };
 
-/// All three plates seen at these 18 numbers, cold start. Pack authors expect the answers of the default settings, and,
-/// if the pack has a contact map, those of tier kContact.
+/// All three plates seen at these 18 numbers, cold start. A pack holds the answers of the default settings and,
+/// if it has a contact map, those of tier kContact.
 SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbers, const ShapeSettings& settings = {});
 
-/// Largest differences that two correct builds may show: rounding of another processor.
+/// Largest differences between two correct builds: they round differently on different processors.
 inline constexpr float kSelfTestShapeTolerance_mm = 1e-3F;
 inline constexpr float kSelfTestTouchTolerance = 1e-2F;  ///< mm and N
 inline constexpr int kSelfTestRegisterTolerance = 1;     ///< counts; bits and codes must be equal
 
-/// This build, on this processor, answers otherwise than the pack's author expects.
+/// This build on this processor gives other answers than the pack expects.
 struct SelfTestError : InputError {
   using InputError::InputError;
 };

@@ -6,8 +6,8 @@
 
 namespace finsight {
 
-/// The first fault that holds; what explains another comes before it. `hold_is_over`: nothing is held any more;
-/// `lasting`: shown where the frame itself has none.
+/// The fault to show; of several the one that explains the others. `hold_is_over`: nothing is held any more; `lasting`:
+/// shown if the frame itself has no fault.
 FaultCode fault_of(const Observation& seen, bool hold_is_over, const FingerShape& shape, FaultCode lasting);
 
 }  // namespace finsight

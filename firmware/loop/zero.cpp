@@ -40,7 +40,7 @@ void Zeroing::end(bool done) {
   outcome_ = done;
 }
 
-/// Near enough to be a zero, and where the first frame saw it.
+/// Near enough to the model's rest, and where the first frame saw the plates.
 bool Zeroing::is_usable(const PlatePoses& poses) const {
   for (int p = 0; p < kPlates; ++p) {
     const PlateMotion& motion = poses.plates[p];

@@ -1,4 +1,5 @@
-// Zeroing: the finger as it is now is the finger at rest. Takes up how the camera sits and what the silicone kept.
+// Zeroing: declares the finger's present pose its rest pose. That absorbs how the camera sits and the set that the
+// material has taken.
 #pragma once
 
 #include <array>
@@ -9,27 +10,28 @@
 
 namespace finsight {
 
-/// Measures a zero as the mean of some frames, and takes it off every measurement.
+/// Measures a zero as the mean of some frames and subtracts it from every measurement.
 class Zeroing {
  public:
-  static constexpr int kFrames = 60;                ///< of the mean: noise falls to an eighth
-  static constexpr int kMaxFrames = 240;            ///< frames, after which a finger that is not seen whole is given up
+  static constexpr int kFrames = 60;  ///< averaged: noise falls to an eighth
+  /// After so many frames a zero is given up, if the plates were not all seen often enough.
+  static constexpr int kMaxFrames = 240;
   static constexpr float kMaxRotation_rad = 0.15F;  ///< no finger sits in its holder more askew than this
   static constexpr float kMaxMotion_mm = 0.3F;      ///< of a plate meanwhile: five times the noise
 
-  /// `furthest_mm`: what a plate may be from the model's rest; further is a touch.
+  /// `furthest_mm`: how far a plate may be from the model's rest; further away it is touched.
   explicit Zeroing(float furthest_mm) : furthest_mm_(furthest_mm) {}
 
   void begin();
-  /// No frame comes, or a touch is published: a zero that is being measured is not possible.
+  /// Ends a measurement that is running as failed: no frame comes, or a touch is published.
   void cancel() {
     if (running_) end(false);
   }
-  /// Of the measurement that was begun, once: whether there is a new zero.
+  /// Once per measurement, when it is over: whether there is a new zero.
   std::optional<bool> take_outcome() { return std::exchange(outcome_, std::nullopt); }
 
-  /// A frame's measured poses, which come back relative to the zero. Returns whether the zero is another one than with
-  /// the frame before, measured or set: whatever was relative to it must be forgotten.
+  /// Makes a frame's measured poses relative to the zero. Returns whether the zero has changed since the last call,
+  /// because it was measured or set: whatever was relative to the old one must be forgotten.
   bool apply(PlatePoses& poses);
 
   const std::optional<ZeroPose>& zero() const { return zero_; }

@@ -1,4 +1,4 @@
-// All tetrahedra of the shape model in vectors: energy, forces, Hessian, and how far a step may go.
+// All tetrahedra of the shape model in vectors: energy, forces, Hessian, and how long a step may be.
 #pragma once
 
 #include <array>
@@ -34,7 +34,7 @@ class Elements {
   /// The smallest det F: not positive if a tetrahedron is inverted, NaN if a position is.
   S smallest_determinant(std::span<const S> x) const;
 
-  /// Mean edge length at rest: the scale of a step that the linearisation bears.
+  /// Mean edge length at rest: the scale of the steps for which the linearisation holds.
   double mean_edge_mm() const { return mean_edge_mm_; }
 
  private:

@@ -1,4 +1,4 @@
-// What the shape map's shape measures, without making the shape: all that registers need.
+// The measures of the shape map's shape without the shape itself: all that the registers need.
 #pragma once
 
 #include <span>
@@ -20,7 +20,7 @@ class MapMeasures {
  private:
   // A node's displacement is linear in the coefficients, so the mean of its square is a quadratic form.
   std::vector<float> all_form_, front_form_;  // [rank, rank]
-  // Nodes by the most that they can be displaced, largest first: per node that bound, and its part of the basis.
+  // Nodes by an upper bound on their displacement, largest first: per node that bound, and its part of the basis.
   std::vector<float> node_bound_, node_basis_;  // [nodes], [nodes, rank, 3]
   std::vector<float> coefficient_scale_;        // [rank]: one over the size that a coefficient has
 };

@@ -41,8 +41,8 @@ class NewtonSolver : private NewtonFactor<S>, public ShapeState<S> {
   /// `max_steps`.
   Outcome converge(const PlatePoses& poses, double tolerance_mm, int max_steps);
 
-  /// The plates move further than one solve() carries them. What a solver finds on the far side of such a motion can be
-  /// another minimum than the one that a finger gets to.
+  /// The plates move further than one solve() carries them. Beyond such a motion the solver may find another minimum
+  /// than the one that the finger reaches.
   bool is_jump(const PlatePoses& from, const PlatePoses& to) const;
 
   static constexpr int kMaxFactorisations = 6;

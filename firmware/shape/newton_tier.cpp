@@ -60,8 +60,8 @@ bool NewtonTier::take_steps(const PlatePoses& poses, FingerShape& shape) {
   return false;
 }
 
-// What following the plates through a rough frame led to can be a wrong minimum that no shape of the map shows. What a
-// solve from rest finds takes its place if that costs less energy.
+// Following the plates through a rough frame can lead to a wrong minimum that the map's shape does not reveal. A solve
+// from rest replaces it if the result has less energy.
 void NewtonTier::try_from_rest(const PlatePoses& poses, FingerShape& shape) {
   const double energy = solver_.energy();
   std::copy(solver_.node_mm().begin(), solver_.node_mm().end(), kept_mm_.begin());

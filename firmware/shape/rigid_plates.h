@@ -26,10 +26,10 @@ class RigidPlates {
   /// Throws InputError if a plate has no nodes.
   RigidPlates(const ShapeModel& model, const MountModel& mount);
 
-  /// Finite, and nowhere further from rest than a few lengths of the finger or one turn.
+  /// Finite, and no further from rest than a few lengths of the finger and one turn.
   bool plausible(const PlatePoses& poses) const;
 
-  /// The longest way that a node of the plates has from its place under `a` to that under `b`.
+  /// The largest distance between where `a` and where `b` puts a node of the plates.
   double furthest_mm(const PlateMotions& a, const PlateMotions& b) const;
 
   /// Calls use(node, position) for every node of the plates.

@@ -11,7 +11,7 @@ namespace finsight {
 
 /// Cost of the newton tiers on one x86-64 core at 3.3k tets: about 1.3 ms per factorisation, 0.5 ms per chord step.
 struct ShapeSettings {
-  /// kMeasures: what the shape map's shape measures, without the shape: all that registers need, and no check of it.
+  /// kMeasures: the measures of the shape map's shape, without the shape: all that the registers need, unchecked.
   /// kMap: the shape map alone. kContact: the contact map's shape, which has the dimple under the touch; the shape
   /// map's where the plates are further than the contact map's training had them, or its shape is unusable.
   /// kMapAndNewton: Newton steps from the map's shape, every frame by itself. kNewton: Newton steps from the last
@@ -43,7 +43,7 @@ class ShapeTier {
   virtual void solve(const PlatePoses& poses, const PoseVector& motion, FingerShape& shape) = 0;
   /// [3 * nodes] of the last shape, at first those at rest; empty in a tier that has no shape, only its measures.
   virtual std::span<const float> node_mm() const = 0;
-  /// Forgets the last shape: what comes next may be anywhere.
+  /// Forgets the last shape, which says nothing about the next one.
   virtual void reset() {}
 };
 

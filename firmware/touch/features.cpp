@@ -6,7 +6,7 @@ namespace finsight {
 
 void touch_features(const TouchModel& model, const PoseVector& motion, const std::array<float, kPlates>& noise,
                     std::span<float, TouchModel::kInputs> inputs) {
-  // In double, one number after the other: the result, rounded to float, is then the same on every processor.
+  // In double and in a fixed order: the result, rounded to float, is then the same on every processor.
   double size_sq = 0;
   for (std::size_t i = 0; i < kPoseDims; ++i) {
     inputs[i] = model.scale[i] * motion[static_cast<int>(i)];

@@ -1,4 +1,4 @@
-// What the touch network looks at: which way the plates moved, how far, and how well each of them was measured.
+// The touch network's inputs: in which direction and how far the plates moved, and how well each of them was measured.
 #pragma once
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 
 namespace finsight {
 
-/// Added to the size of a motion (in scaled mm) before its logarithm is taken, so that rest has one.
+/// Added to the size of a motion (in scaled mm) before its logarithm is taken, so that it is finite at rest.
 inline constexpr float kSmallestMotion = 1e-3f;
 
 /// Range of noise (PlatePoses::noise) that the network was trained with, and the value that stands for an unseen plate.

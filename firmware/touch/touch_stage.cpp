@@ -11,7 +11,7 @@ namespace finsight {
 
 namespace {
 
-// By how much touches of a shaken finger are off, as a part of Shake's second difference (hostgen render --event
+// The touch error of a shaken finger as a part of Shake's second difference (hostgen render --event
 // shaken).
 constexpr float kShiftPerShake = 0.75F;
 
@@ -57,7 +57,7 @@ Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, floa
   return located.quality == Quality::kFresh ? located : touch;
 }
 
-// Plates that no touch moves like this (a shaken hand, a camera that was knocked) have the network answer anything.
+// For plate motions that no touch causes (a shaken hand, a knocked camera) the network may answer anything.
 bool TouchStage::is_on_face(const Touch& touch) const {
   if (face_mm_.isEmpty()) return true;
   const Vec3f learnt_mm(model_.output_scale[0], model_.output_scale[1], model_.output_scale[2]);
@@ -88,7 +88,7 @@ Touch TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion,
     touch.radius_68_mm = std::sqrt(touch.radius_68_mm * touch.radius_68_mm + shift_mm * shift_mm);
   }
   touch.force_sigma_n = exp_float(outputs[10]);
-  // Motions far beyond any finger's overflow somewhere on the way; what comes out then is not a touch.
+  // Motions far beyond those of any finger overflow somewhere in the network.
   const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(outputs[6]) &&
                       std::isfinite(touch.radius_68_mm) && std::isfinite(touch.force_sigma_n);
   if (finite && is_on_face(touch)) touch.quality = Quality::kFresh;

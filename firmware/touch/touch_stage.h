@@ -8,12 +8,12 @@
 
 namespace finsight {
 
-/// The published radius of a network's radius at this plate motion: TouchModel::radius_curve.
+/// The radius to publish for the network's own at this plate motion: TouchModel::radius_curve.
 float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, float radius_mm);
 
 class TouchStage {
  public:
-  /// Knows the finger's touched face, too.
+  /// Also takes the finger's touched face from the model.
   explicit TouchStage(const Model& model);
   /// The arrays that `model` views must live as long as the stage.
   explicit TouchStage(const TouchModel& model);
@@ -36,7 +36,7 @@ class TouchStage {
   bool is_on_face(const Touch& touch) const;
 
   TouchModel model_;
-  Eigen::AlignedBox3f face_mm_;   ///< of the front face at rest; empty: not known
+  Eigen::AlignedBox3f face_mm_;   ///< of the front face at rest; empty if not known
   std::vector<float> hidden_[2];  // workspace: the hidden layers' activations
 };
 

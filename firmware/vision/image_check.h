@@ -13,13 +13,13 @@ namespace finsight {
 class ImageCheck {
  public:
   /// To be called with every image. Frozen from the fifth in a row on that equals one of the four before it (a stuck
-  /// driver hands out its buffers in turn): a sensor's noise never repeats, while a light that went on during readout
-  /// may repeat one or two. Dark and bright: the mean grey level is below 6 or above 249. Blurred from the 30th image
-  /// in a row on, so that a fast move is none: no edge in it is sharper than a blur with a standard deviation of 1/280
-  /// of the image's width (4.5 pixels of 1280), though there is contrast. Looks at every eighth row: 100 us for 1280
-  /// x 720. Never allocates.
+  /// driver hands out its buffers in turn): a sensor's noise never repeats, though a light switched on during
+  /// readout may repeat one or two. Dark and bright: the mean grey level is below 6 or above 249. Blurred from the 30th
+  /// blurred image in a row on, so that fast moves do not count: no edge in them is sharper than a blur with a standard
+  /// deviation of 1/280 of the image's width (4.5 pixels of 1280), though there is contrast. Looks at every eighth row:
+  /// 100 us for 1280 x 720. Never allocates.
   ImageFault check(const ImageView& image);
-  /// Whether the last image equals one of the four before it: it says nothing of this moment.
+  /// Whether the last image equals one of the four before it: it says nothing about the present.
   bool repeats() const { return repeats_ > 0; }
 
  private:

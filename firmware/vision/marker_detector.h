@@ -15,16 +15,16 @@ struct FoundMarker {
   std::array<Vec2f, 4> corners_px;  ///< clockwise from the marker's own top left corner; good to about `shrink` pixels
 };
 
-/// Sides of a marker in the image, in pixels: squares outside these limits are not looked at.
+/// Sides of a marker in the image, in pixels: squares outside these limits are ignored.
 struct SideLimits {
   float smallest_px = 0, largest_px = 0;
 };
 
-/// What bounds a search's time in images of anything. Edges are neighbouring pixels that differ in the thresholded
-/// image: 640x480 have 5,000 with three markers, 70,000 in preset worst, and up to 300,000 with noise.
+/// Bounds on the work of a search, whatever the image shows. Edges are neighbouring pixels that differ in the
+/// thresholded image: 640x480 have 5,000 with three markers, 70,000 in preset worst, and up to 300,000 with noise.
 struct SearchLimits {
-  int noisy_edges = 40'000;  ///< above, the image is smoothed before it is searched
-  int edges = 60'000;        ///< above, with that, it is not searched
+  int noisy_edges = 40'000;  ///< with more the image is smoothed before it is searched
+  int edges = 60'000;        ///< with more, even smoothed, it is not searched
   int squares = 128;         ///< whose codes are read, the largest first; a finger has about 10
 };
 

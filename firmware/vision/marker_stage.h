@@ -7,12 +7,12 @@
 
 namespace finsight {
 
-/// Finds the three markers' corners, to about 0.02 pixels in a sharp image. Markers are followed in a window around
-/// their last place, for some frames also when they are not seen there; the whole image is searched when one of them
-/// is lost, while none is seen, and now and then while one is missing.
+/// Finds the three markers' corners, to about 0.02 pixels in a sharp image. Markers are tracked in a window around
+/// their last position, also for some frames in which they are not seen there. The whole image is searched when one of
+/// them is lost, while none is seen, and every eighth frame while one is missing.
 class MarkerStage {
  public:
-  /// Throws InputError for a camera that cannot be one, for marker ids that DICT_4X4_50 does not have or that are not
+  /// Throws InputError for an impossible lens, for marker ids that DICT_4X4_50 does not have or that are not
   /// all different, and for markers that are not in front of the camera at rest.
   MarkerStage(const MountModel& mount, const Lens& camera);
   MarkerStage(const Model& model, const Lens& camera) : MarkerStage(model.mount, camera) {}
@@ -33,8 +33,8 @@ class MarkerStage {
   int shrink_ = 1;  ///< how much smaller the whole image is searched
   MarkerDetector detector_;
   MarkerCorners corners_{};
-  std::array<int, kPlates>
-      missed_;  ///< frames since a marker was seen, kNotFollowed for those that windows are not tried for
+  /// Frames since each marker was seen, kNotFollowed where its window is no longer searched.
+  std::array<int, kPlates> missed_;
   int frames_until_search_ = 0;
 };
 

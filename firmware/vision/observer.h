@@ -10,7 +10,7 @@ namespace finsight {
 
 class Observer {
  public:
-  /// Throws InputError for a lens that cannot be one, and for a mount or prior that cannot be a finger's.
+  /// Throws InputError for an impossible lens, mount or prior.
   Observer(const MountModel& mount, const PlatePrior& prior, const Lens& lens)
       : markers_(mount, in_single_precision(lens)), poses_(mount, prior, in_single_precision(lens)) {}
 

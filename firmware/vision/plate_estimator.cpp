@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 
 constexpr double kSlackMm = 3, kSlackRad = 0.15;
 constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
-// Corners further off than this pull with a constant force (pseudo-Huber: convex, so that the prior cannot outvote the
-// corners of a finger that is where no touch brings it).
+// Corners further off than this pull with a constant force. Pseudo-Huber is convex, so the prior cannot outvote the
+// corners of a finger that is where no touch brings it.
 constexpr double kLinearFromSigmas = 3;
 constexpr double kGuessWeight = 4;    // of the guessed scatter, in residuals
 constexpr int kStepsWithScatter = 2;  // the scatter changes little: only the corners' weight against the prior

@@ -7,11 +7,11 @@
 
 namespace finsight {
 
-/// Standard deviation of a corner before any is seen: 0.02 ... 0.03 pixels are measured in drawn images with the blur
-/// and noise of a good camera; as much again is left to the lens's calibration and the print.
+/// Prior standard deviation of a corner: 0.02 to 0.03 pixels are measured in rendered images with the blur and noise of
+/// a good camera; the rest allows for the lens calibration and the print.
 inline constexpr double kCornerSigmaPx = 0.05;
 
-/// What is seen of the plates: the lines of sight of every seen marker's corners, and how much they scatter.
+/// What the camera sees of the plates: the rays to the corners of every seen marker, and how much they scatter.
 struct PlateSight {
   std::array<bool, kPlates> seen{};
   std::array<MarkerRays, kPlates> rays;
@@ -19,8 +19,8 @@ struct PlateSight {
 };
 
 /// Maximises p(corners | motions) p(motions): motions follow the pack's Gaussian, corners a distribution that is normal
-/// with corner_sigma_px near the middle and lets one that dirt has moved far off pull no stronger than others. A plate
-/// that is not seen has no residuals; the prior alone places it, given the others. Nothing here allocates.
+/// with corner_sigma_px near the middle and whose tails keep a corner that dirt has moved far off from dominating. A
+/// plate that is not seen has no residuals; the prior alone places it, given the others. Nothing here allocates.
 class PlateEstimator {
  public:
   using Vector = PoseVectorOf<double>;
@@ -29,12 +29,12 @@ class PlateEstimator {
   PlateEstimator(const MountModel& mount, const PlatePrior& prior, double focal_px);
 
   const Vector& prior_mean() const { return mean_; }
-  /// One Gauss-Newton step from `motion`, with each corner's weight as its distance there says.
+  /// One Gauss-Newton step from `motion`, each corner weighted by its residual there.
   void gauss_newton_step(const PlateSight& sight, Vector& motion) const;
   /// Steps from `start`, then the corners' scatter (into `sight`), then two steps more with it.
   Vector estimate(PlateSight& sight, const Vector& start, int steps) const;
-  /// The corners' scatter as what no motion explains of their distances from the reprojection says: two residuals per
-  /// seen marker; the guess kCornerSigmaPx counts as four more.
+  /// The corners' scatter, estimated from the part of their residuals that no motion explains: two residuals per seen
+  /// marker; the prior kCornerSigmaPx counts as four more.
   double corner_sigma_px(const PlateSight& sight, const Vector& motion) const;
   /// Standard deviations at the estimate, from the inverse of the normal equations: per plate the RMS of its six over
   /// those of the pack (PlatePrior::noise).

@@ -31,7 +31,7 @@ PoseStage::PoseStage(const MountModel& mount, const PlatePrior& prior, const Len
 const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {
   unproject_corners(corners);
   poses_ = PlatePoses{};
-  // A plate that cannot be there pulls the others along, so the worst one is left out and the rest estimated again.
+  // A plate in an impossible place pulls the others along, so the worst one is left out and the rest estimated again.
   Vector motion;
   do {
     if (!sight_.seen[0] && !sight_.seen[1] && !sight_.seen[2]) return poses_;
@@ -107,7 +107,7 @@ PoseStage::Vector PoseStage::estimate_one_by_one() const {
   return motion;
 }
 
-// True if a plate had to be left out. Comparisons are written so that not-a-number counts as the worst.
+// True if a plate had to be left out. Comparisons are written so that NaN counts as the worst.
 bool PoseStage::drop_worst(const Vector& motion) {
   double worst = 1;
   std::size_t worst_plate = kPlates;

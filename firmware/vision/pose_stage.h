@@ -15,17 +15,18 @@ enum class PoseMethod : std::uint8_t {
 
 class PoseStage {
  public:
-  /// Throws InputError for a camera that cannot be one and for a prior that is not a positive definite Gaussian.
+  /// Throws InputError for an impossible lens and for a prior that is not a positive definite Gaussian.
   PoseStage(const MountModel& mount, const PlatePrior& prior, const Lens& camera,
             PoseMethod method = PoseMethod::kJoint);
   PoseStage(const Model& model, const Lens& camera) : PoseStage(model.mount, model.prior, camera) {}
 
-  /// Motions of all plates. A marker is not seen, whatever `corners` says, if no square in front of the camera explains
-  /// its corners to 3 pixels or its plate were far from where touched fingers' plates are; plates that are not seen are
-  /// completed from the prior. Fresh if at least one is seen, otherwise invalid (and at rest). Neither throws nor
-  /// allocates.
+  /// Motions of all plates. A marker counts as not seen, whatever `corners` says, if no square in front of the camera
+  /// explains its corners to 3 pixels, or if its plate would be far from where the plates of touched fingers are.
+  /// Plates that are not seen are completed from the prior. Fresh if at least one is seen, otherwise invalid (and at
+  /// rest). Neither throws nor allocates.
   const PlatePoses& estimate(const MarkerCorners& corners);
-  /// Of the corners that the last estimate used: one motion of the whole finger from where the plates are at `zero`.
+  /// From the corners of the last estimate: the one motion of the whole finger, counted from `zero`, that explains them
+  /// best.
   RigidMotionFit rigid_motion(const ZeroPose& zero) const { return rigid_motion_.fit(sight_, zero); }
 
  private:

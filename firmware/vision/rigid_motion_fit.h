@@ -1,4 +1,5 @@
-// The one rigid motion that explains all plates at once, which no touch does: what a camera sees that was knocked.
+// The one rigid motion of the whole finger that explains all plates at once. No touch causes one: it is what a camera
+// sees that was knocked.
 #pragma once
 
 #include "firmware/types.h"
