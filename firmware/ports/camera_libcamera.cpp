@@ -6,37 +6,37 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <climits>
 #include <cmath>
-#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
-#include <mutex>
 #include <vector>
 
 #include "firmware/input_error.h"
 #include "firmware/ports/camera.h"
 #include "firmware/ports/grey_conversion.h"
+#include "firmware/ports/hand_over.h"
 
 namespace finsight {
 
 namespace {
 
-// One being looked at, one ready, two being filled.
-constexpr unsigned kBuffers = 4;
+// One in use, one ready, two being filled. A camera may insist on more.
+constexpr unsigned kBuffers = 4, kMaxBuffers = 16;
 // A time stamp further back than this is of another clock.
 constexpr std::int64_t kOldestNs = 2'000'000'000;
 
 std::string quoted(const std::string& text) { return "\"" + text + "\""; }
 
-/// The first plane of a buffer in our address space.
+/// The first plane of a buffer, mapped into memory.
 class MappedPlane {
  public:
   explicit MappedPlane(const libcamera::FrameBuffer::Plane& plane)
       : fd_(plane.fd.get()), offset_(plane.offset), bytes_(std::size_t{plane.offset} + plane.length) {
     start_ = mmap(nullptr, bytes_, PROT_READ, MAP_SHARED, fd_, 0);
-    if (start_ == MAP_FAILED) throw InputError("camera", std::string("no access to a buffer: ") + std::strerror(errno));
+    if (start_ == MAP_FAILED) throw InputError("camera", std::string("cannot map a buffer: ") + std::strerror(errno));
   }
   ~MappedPlane() { munmap(start_, bytes_); }
   MappedPlane(const MappedPlane&) = delete;
@@ -44,7 +44,7 @@ class MappedPlane {
 
   const std::uint8_t* pixels() const { return static_cast<const std::uint8_t*>(start_) + offset_; }
   std::size_t bytes() const { return bytes_ - offset_; }
-  /// Around reading: the camera wrote past this processor's cache. Fails harmlessly on memory that needs no care.
+  /// Around reading: the camera writes past this processor's cache. Fails harmlessly on memory that needs no syncing.
   void begin_read() const { sync(DMA_BUF_SYNC_START); }
   void end_read() const { sync(DMA_BUF_SYNC_END); }
 
@@ -77,7 +77,7 @@ std::shared_ptr<libcamera::Camera> find_camera(libcamera::CameraManager& manager
                    (found.empty() ? "a name with " : "only one name with ") + quoted(wanted));
 }
 
-/// Whether the camera takes this format and size just so.
+/// Whether the camera takes this format and size unchanged.
 bool fits(libcamera::CameraConfiguration& configuration, const libcamera::PixelFormat& format,
           const libcamera::Size& size) {
   libcamera::StreamConfiguration& stream = configuration.at(0);
@@ -88,7 +88,7 @@ bool fits(libcamera::CameraConfiguration& configuration, const libcamera::PixelF
          stream.size == size;
 }
 
-/// Of the formats that hold grey levels at the wanted size, the cheapest. Nothing else is run instead.
+/// The cheapest of the formats that hold grey levels at the wanted size. No other size or format is accepted instead.
 void choose_mode(libcamera::CameraConfiguration& configuration, const LiveCameraSettings& settings) {
   const libcamera::Size size(static_cast<unsigned>(settings.width_px), static_cast<unsigned>(settings.height_px));
   const libcamera::StreamFormats offered = configuration.at(0).formats();
@@ -172,13 +172,10 @@ class LibcameraCamera : public Camera {
     return true;
   }
 
-  bool ended() const override {
-    const std::lock_guard lock(mutex_);
-    return lost_ != nullptr;
-  }
+  bool ended() const override { return lost_ != nullptr; }
   std::string error() const override {
-    const std::lock_guard lock(mutex_);
-    return lost_ ? lost_ : "";
+    const char* why = lost_;
+    return why ? why : "";
   }
 
  private:
@@ -210,6 +207,7 @@ class LibcameraCamera : public Camera {
     if (allocator_->allocate(stream_) <= 0) throw InputError("camera", "no memory for images");
     const std::size_t needed = static_cast<std::size_t>(stride_bytes_) * static_cast<std::size_t>(settings_.height_px);
     for (const auto& buffer : allocator_->buffers(stream_)) {
+      if (requests_.size() == kMaxBuffers) break;  // it works with fewer than it has
       planes_.push_back(std::make_unique<MappedPlane>(buffer->planes().front()));
       if (planes_.back()->bytes() < needed) throw InputError("camera", "its buffers are smaller than its images");
       requests_.push_back(camera_->createRequest(requests_.size()));
@@ -217,8 +215,6 @@ class LibcameraCamera : public Camera {
         throw InputError("camera", "takes no requests");
       }
     }
-    completed_.reserve(requests_.size());
-    taken_.reserve(requests_.size());
   }
 
   void close() {
@@ -238,40 +234,30 @@ class LibcameraCamera : public Camera {
 
   // The two handlers run in libcamera's thread.
   void on_completed(libcamera::Request* request) {
-    const std::lock_guard lock(mutex_);
-    if (request->status() == libcamera::Request::RequestCancelled) return;  // stopping, or unplugged
-    completed_.push_back(request);
-    arrived_.notify_one();
+    // Cancelled: stopping, or unplugged. There is room for every request.
+    if (request->status() != libcamera::Request::RequestCancelled) completed_.put(request);
   }
   void on_disconnected() {
-    const std::lock_guard lock(mutex_);
     lost_ = "it was unplugged";
-    arrived_.notify_one();
+    completed_.wake();
   }
 
-  /// The newest good frame. Older ones go back unseen: who comes late must not stay late. Their numbers are missing
-  /// from the sequence, so they count as dropped.
+  /// The newest good frame; null if there is none in time. Older ones are returned unused, so that a late caller does
+  /// not stay late: their numbers are missing from the sequence, so they count as dropped.
   libcamera::Request* take_newest(int timeout_ms) {
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
-    for (;;) {
+    const auto limit = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
+    while (completed_.wait_until(limit) && !lost_) {
       libcamera::Request* newest = nullptr;
-      {
-        std::unique_lock lock(mutex_);
-        if (!arrived_.wait_until(lock, deadline, [this] { return lost_ || !completed_.empty(); }) || lost_) {
-          return nullptr;
-        }
-        taken_.swap(completed_);
-      }
-      for (libcamera::Request* request : taken_) {
-        libcamera::Request* unwanted = request;
-        const libcamera::FrameMetadata* buffer = metadata_of(*request);
+      while (const auto completed = completed_.take()) {
+        libcamera::Request* unwanted = *completed;
+        const libcamera::FrameMetadata* buffer = metadata_of(*unwanted);
         const bool good = !buffer || buffer->status == libcamera::FrameMetadata::FrameSuccess;
-        if (good) unwanted = std::exchange(newest, request);
+        if (good) unwanted = std::exchange(newest, unwanted);
         if (unwanted) requeue(unwanted);
       }
-      taken_.clear();
       if (newest) return newest;
     }
+    return nullptr;
   }
 
   void give_back(libcamera::Request* request) {
@@ -284,13 +270,11 @@ class LibcameraCamera : public Camera {
     if (request->status() != libcamera::Request::RequestPending) {
       request->reuse(libcamera::Request::ReuseBuffers);
     }
-    if (camera_->queueRequest(request) == 0) return;
-    const std::lock_guard lock(mutex_);
-    lost_ = "it takes no requests any more";
+    if (camera_->queueRequest(request) != 0) lost_ = "it takes no more requests";
   }
 
-  /// What the buffer says of its frame, if it was filled in, which the virtual camera does not do: then the two time
-  /// stamps are the same.
+  /// The buffer's metadata, or null if the camera does not fill it in, as the virtual one: then its time stamp differs
+  /// from the request's.
   const libcamera::FrameMetadata* metadata_of(libcamera::Request& request) const {
     const libcamera::FrameMetadata& buffer = request.findBuffer(stream_)->metadata();
     const auto sensor_ns = request.metadata().get(libcamera::controls::SensorTimestamp);
@@ -323,18 +307,16 @@ class LibcameraCamera : public Camera {
   std::vector<std::unique_ptr<MappedPlane>> planes_;  // a request's cookie is its place here
   std::vector<std::unique_ptr<libcamera::Request>> requests_;
   bool started_ = false;
-  libcamera::Request* shown_ = nullptr;  // what the last frame lies in
+  libcamera::Request* shown_ = nullptr;  // holds the last frame's image
 
-  mutable std::mutex mutex_;
-  std::condition_variable arrived_;
-  std::vector<libcamera::Request*> completed_, taken_;
-  const char* lost_ = nullptr;  // why
+  HandOver<libcamera::Request*, kMaxBuffers> completed_;
+  std::atomic<const char*> lost_{nullptr};  // why
 };
 
 }  // namespace
 
 std::unique_ptr<Camera> open_libcamera(const LiveCameraSettings& settings) {
-  // What it says at every opening, and of the virtual camera at every frame, belongs to whoever asks for it.
+  // Without this it writes to the log at every opening, and with the virtual camera at every frame.
   if (!std::getenv("LIBCAMERA_LOG_LEVELS")) {
     for (const char* category : {"Camera", "Formats", "IPAManager"}) libcamera::logSetLevel(category, "ERROR");
   }
