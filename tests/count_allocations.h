@@ -10,17 +10,17 @@ namespace finsight::test {
 inline std::atomic<long> allocations{0};
 }
 
-#if defined(__SANITIZE_ADDRESS__)  // GCC
-#define FINSIGHT_ADDRESS_SANITIZER
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)  // GCC
+#define FINSIGHT_SANITIZER
 #elif defined(__has_feature)  // clang
-#if __has_feature(address_sanitizer)
-#define FINSIGHT_ADDRESS_SANITIZER
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define FINSIGHT_SANITIZER
 #endif
 #endif
 
-#ifdef FINSIGHT_ADDRESS_SANITIZER
+#ifdef FINSIGHT_SANITIZER
 
-// The sanitizer has a malloc of its own and calls this for every allocation.
+// These sanitizers have a malloc of their own and call this for every allocation.
 extern "C" void __sanitizer_malloc_hook(const volatile void*, std::size_t) { ++finsight::test::allocations; }
 
 #else

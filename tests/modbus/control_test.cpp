@@ -2,6 +2,8 @@
 
 #include <doctest/doctest.h>
 
+#include <atomic>
+#include <thread>
 #include <vector>
 
 #include "firmware/modbus/network.h"
@@ -110,4 +112,41 @@ TEST_CASE("network: an address contains itself, a network its addresses") {
   CHECK_FALSE(Network::parse(std::string("1.2.3.4\0", 8)));
   CHECK(is_listed({}, 1));
   CHECK_FALSE(is_listed({*Network::parse("10.0.0.0/8")}, 1));
+}
+
+TEST_CASE("control: while clients write and the loop reads, every command is carried out once and no setting is torn") {
+  constexpr int kCommands = 200;
+  Control control;
+  std::atomic<bool> done{false};
+  int taken = 0;
+  bool whole = true;
+  std::thread loop([&] {
+    for (bool last = false; !last;) {
+      last = done;
+      const RuntimeSettings settings = control.settings();
+      whole = whole && (settings == control.factory() || settings[kContactOn] == settings[kContactOff] + 1);
+      if (control.take_command()) {
+        ++taken;
+        control.finish(CommandResult::kDone);
+      }
+    }
+  });
+  std::thread reader([&] {
+    Client client(control, 2);
+    while (!done) client.read(kResultRegister);
+  });
+  Client client(control);
+  client.write(kKeyRegister, {kDefaultWriteKey});
+  for (std::uint16_t n = 1; n <= kCommands; ++n) {
+    while (client.write(kFirstSettingRegister, {static_cast<std::uint16_t>(n + 1), n}) != Exception::kNone)
+      std::this_thread::yield();
+    while (client.write(kCommandRegister, {static_cast<std::uint16_t>(Command::kClearFault), n}) != Exception::kNone)
+      std::this_thread::yield();
+    while (client.read(kResultSequenceRegister) != n) std::this_thread::yield();
+  }
+  done = true;
+  loop.join();
+  reader.join();
+  CHECK(taken == kCommands);
+  CHECK(whole);
 }
