@@ -46,7 +46,7 @@ void Commands::trigger() {
   is_running_ = !start(command);
 }
 
-/// The result of what is done at once; nothing where outcome() will tell.
+/// The result of a command that is carried out at once; nothing for one whose result outcome() gives later.
 std::optional<CommandResult> Commands::start(Command command) {
   switch (command) {
     case Command::kNone:
@@ -68,7 +68,7 @@ std::optional<CommandResult> Commands::start(Command command) {
     case Command::kReset:
       reset_at_ns_ = steady_now_ns() + kResultIsShownNs;
       return CommandResult::kDone;
-    case Command::kFactory:  // the settings themselves changed with the order
+    case Command::kFactory:  // Control has replaced the settings already
       zero_changed_ = zero_changed_ || loop_.zeroing().zero();
       loop_.zeroing().set_zero(std::nullopt);
       return CommandResult::kDone;
@@ -102,7 +102,7 @@ std::optional<CommandResult> Commands::outcome() {
       }
       return *done ? CommandResult::kDone : CommandResult::kFailed;
     }
-    default:  // of the recorder
+    default:  // the recorder's commands
       if (!recorder_->is_settled()) return std::nullopt;
       return recorder_->state() == Recorder::State::kFailed ? CommandResult::kFailed : CommandResult::kDone;
   }

@@ -1,4 +1,4 @@
-// Carries out what clients order: between the registers from 1000 on and the parts of the firmware.
+// Carries out the commands of clients: the link between the registers from 1000 on and the parts of the firmware.
 #pragma once
 
 #include <optional>
@@ -10,14 +10,14 @@
 
 namespace finsight {
 
-/// How long a reset waits, so that the client who ordered it can read the result.
+/// How long a reset waits, so that the client that ordered it can read the result.
 constexpr std::int64_t kResultIsShownNs = 500'000'000;
 
 /// For the frame loop's thread: poll() before every frame. Neither allocates nor waits.
 class Commands {
  public:
-  /// Without a saver or recorder their commands end as "not configured". `saved` is what the disk holds.
-  /// Without a frame for `frame_timeout_ns` the loop turns all the same; later than that it hangs.
+  /// Without a saver or recorder their commands end as "not configured". `saved` is the state on the disk. Even without
+  /// frames the loop calls poll() every `frame_timeout_ns`; if it does not, clients see a stalled device.
   Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved,
            std::int64_t frame_timeout_ns = 100'000'000);
 
@@ -42,7 +42,8 @@ class Commands {
   RuntimeSettings settings_;
   SavedState saved_, saving_;
   Command running_ = Command::kNone;
-  bool is_running_ = false, is_ordered_ = false;  ///< by a client, who then hears of its end
+  bool is_running_ = false;
+  bool is_ordered_ = false;  ///< by a client, who is told the result; not by the trigger
   bool zero_changed_ = false;
   std::optional<std::int64_t> reset_at_ns_;
 };

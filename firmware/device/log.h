@@ -1,4 +1,4 @@
-// One line for whoever reads the service's log.
+// The service's log: one line per message, to standard error.
 #pragma once
 
 #include <cstdio>

@@ -1,4 +1,4 @@
-// The device's network settings in the words of systemd-networkd.
+// The device's network settings as a file for systemd-networkd.
 #pragma once
 
 #include <string>

@@ -26,7 +26,7 @@ void make_realtime(const RealtimeSettings& settings) {
     require(sched_setaffinity(0, sizeof cpus, &cpus), "realtime.cpu = " + std::to_string(settings.cpu));
   }
   if (settings.priority > 0) {
-    // Threads that libraries start for themselves stay ordinary ones.
+    // Threads that this one starts do not become real-time.
     const sched_param parameters{.sched_priority = settings.priority};
     require(sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters),
             "realtime.priority = " + std::to_string(settings.priority));

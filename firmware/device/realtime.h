@@ -7,11 +7,12 @@
 
 namespace finsight {
 
-/// Applies to the calling thread (the lock to the whole process). Throws std::runtime_error for what the system
-/// refuses.
+/// Applies to the calling thread (the memory lock to the whole process). Throws std::runtime_error naming the setting
+/// that the system refuses.
 void make_realtime(const RealtimeSettings& settings);
 
-/// The calling thread as it was before make_realtime(), for a start anew: threads inherit their processor.
+/// How the calling thread was scheduled before make_realtime(). It is restored before everything is started again,
+/// because new threads inherit the processor of the one that starts them.
 class SchedulingSnapshot {
  public:
   SchedulingSnapshot();

@@ -1,12 +1,12 @@
-// Readiness and watchdog: what the service manager hears of the firmware.
+// Readiness and watchdog: what the firmware reports to the service manager.
 #pragma once
 
 #include <cstdint>
 
 namespace finsight {
 
-/// Tells systemd how the service does (sd_notify's protocol: a datagram to the socket that NOTIFY_SOCKET names). Does
-/// nothing where nobody supervises. Neither allocates nor waits after construction.
+/// Reports to systemd (sd_notify's protocol: a datagram to the socket that NOTIFY_SOCKET names). Does nothing if there
+/// is no such socket. Neither allocates nor waits after construction.
 class Supervisor {
  public:
   Supervisor();
@@ -15,8 +15,8 @@ class Supervisor {
   Supervisor& operator=(const Supervisor&) = delete;
 
   void ready() const;
-  /// Restarts the watchdog's time, at most once per second, and says whether the sensor measures. To be called with
-  /// every new frame (true), and with another answer of the camera's: that it is missing (false).
+  /// Restarts the watchdog's time, at most once per second, and reports whether the sensor is measuring. Call it for
+  /// every new frame (true), and whenever the camera was looked for and not found (false).
   void alive(std::int64_t now_ns, bool is_measuring);
 
  private:

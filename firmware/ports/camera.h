@@ -1,6 +1,6 @@
-// Where frames come from. One interface because there are several things behind it: a real camera (libcamera, on
-// boards), what opens it again when it is lost, and a replayed recording. Recorded plate motions come from a source of
-// their own: they are observations already.
+// Where frames come from. An interface, because there are several sources: a real camera (libcamera, on boards), a
+// wrapper that opens it again when it is lost, and replayed recordings. Recorded plate motions have a source of their
+// own, because they are observations already.
 #pragma once
 
 #include <cstdint>
@@ -15,18 +15,18 @@
 
 namespace finsight {
 
-/// What a camera counts beside its frames' sequence numbers, whose gaps are the dropped frames.
+/// A camera's counters beside its frames' sequence numbers, whose gaps are the dropped frames.
 struct CameraCounts {
   std::uint32_t late = 0;      ///< frames that came more than two frame times after their exposure
   std::uint32_t losses = 0;    ///< how often it stopped and had to be opened again
-  std::uint32_t openings = 0;  ///< how often it was opened or found missing: grows while it is looked for
+  std::uint32_t openings = 0;  ///< attempts to open it: grows while it is missing
 };
 
 /// How a source is doing.
 class SourceStatus {
  public:
   virtual ~SourceStatus() = default;
-  /// Nothing will come any more: a replay is over and does not repeat, or it failed (see error()).
+  /// Nothing more will come: a replay is over and does not repeat, or it failed (see error()).
   virtual bool ended() const = 0;
   /// Why samples stopped coming; empty while all is well.
   virtual std::string error() const = 0;
@@ -61,27 +61,28 @@ struct ReplaySettings {
 
 /// Replays. The recording starts with the first call of next(); frame k is then exposed k / frames_per_second later. At
 /// recorded speed a late caller gets the newest frame that is due, and the gap in `sequence` shows how many it missed;
-/// at full speed every frame comes, exposed "now". `sequence` counts on over repetitions: sequence modulo the number of
+/// at full speed every frame comes, exposed "now". `sequence` continues over repetitions: sequence modulo the number of
 /// recorded frames is the row of truth.csv or of the recording. All throw InputError for recordings that cannot be
-/// used; a fault met later, in the middle of the file, ends the replay with error().
+/// used; a fault further on in the file ends the replay with error().
 std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings);
 /// Observations of a recording in which only the top plate is seen, at 60 per second.
 std::unique_ptr<PoseReplay> open_pose_replay(const ReplaySettings& settings);
 
-/// Which camera, and how it is to be run.
+/// Which camera, and its mode.
 struct LiveCameraSettings {
   std::string name = "";  ///< part of the camera's id or model; empty: the only one there is
   int width_px = 0, height_px = 0;
-  double frames_per_second = 0;                   ///< set where the camera lets it be set
+  double frames_per_second = 0;                   ///< applied if the camera supports it
   std::optional<int> exposure_us = std::nullopt;  ///< either of these two ends the camera's automatic exposure
   std::optional<double> gain = std::nullopt;
-  int stall_ms = 500;  ///< without a frame for so long the camera counts as lost
+  int stall_ms = 500;  ///< a camera without a frame for this time is lost
 };
 
-/// A camera that stays usable when the hardware does not: next() gives no frame while the camera is missing, refuses
-/// its settings, is unplugged or stalls; meanwhile a thread opens it again and again, after 0.1 s, 0.2 s, ... 5 s.
-/// error() is then why. `sequence` goes on without a gap. `report` is called from that thread, when the reason changes.
-/// Throws InputError in a build without libcamera.
+/// A camera that outlives failures of the hardware: while it is missing, refuses its settings, is unplugged or stalls,
+/// next() returns no frame, error() says why, and a thread tries to open it after 0.1 s, 0.2 s, ... 5 s. That thread
+/// exists from the start, so threads that a camera starts inherit nothing from the one that calls next(). `sequence`
+/// continues without a gap. `report` is called from that thread when the reason changes. Throws InputError in a build
+/// without libcamera.
 std::unique_ptr<Camera> open_live_camera(const LiveCameraSettings& settings,
                                          std::function<void(const std::string&)> report);
 
@@ -89,8 +90,8 @@ std::unique_ptr<Camera> open_live_camera(const LiveCameraSettings& settings,
 std::unique_ptr<Camera> keep_open(std::function<std::unique_ptr<Camera>()> open, const LiveCameraSettings& settings,
                                   std::function<void(const std::string&)> report, const ReplayClock& clock);
 
-/// The camera itself, once, through libcamera (not in a build without it); ended() says that it is lost. Throws
-/// InputError with what there is if no camera or mode matches, or the camera has no such control or range.
+/// The camera itself, opened once, through libcamera (not in a build without it); ended() says that it is lost. Throws
+/// InputError listing what is available if no camera, mode, control or range matches.
 std::unique_ptr<Camera> open_libcamera(const LiveCameraSettings& settings);
 
 }  // namespace finsight

@@ -1,5 +1,5 @@
-// Digital outputs and one input: lines of a GPIO chip, driven through libgpiod 2. One interface because tests record
-// instead.
+// Digital outputs and one input: lines of a GPIO chip, driven through libgpiod 2. An interface, because tests use a
+// recording stand-in.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ enum Output : std::uint8_t { kContactOutput, kOverloadOutput, kHealthyOutput, kL
 inline constexpr int kOutputs = 4;
 inline constexpr std::array<const char*, kOutputs> kOutputName = {"contact", "overload", "healthy", "light"};
 
-/// One level per output; true: active (which voltage that is, the line's `active_low` says).
+/// One level per output; true: active (the line's `active_low` says which voltage that is).
 using OutputLevels = std::array<bool, kOutputs>;
 
 struct GpioLine {
@@ -28,7 +28,8 @@ struct OutputLine : GpioLine {
 };
 
 struct GpioSettings {
-  std::string chip;      ///< path ("/dev/gpiochip0") or label ("pinctrl-bcm2711"); labels stay the same over kernels
+  std::string
+      chip;  ///< path ("/dev/gpiochip0") or label ("pinctrl-bcm2711"); labels do not depend on the kernel's version
   std::string consumer;  ///< what tools such as gpioinfo show as the lines' user
   std::array<std::optional<OutputLine>, kOutputs> lines;
   std::optional<GpioLine> trigger = std::nullopt;  ///< an input
@@ -38,7 +39,7 @@ OutputLevels safe_levels(const GpioSettings& settings);
 
 class Gpio {
  public:
-  /// Sets the safe levels and gives the lines back.
+  /// Sets the safe levels and releases the lines.
   virtual ~Gpio() = default;
   /// All lines at once; levels of outputs that have no line are ignored. False: the chip refused. Never throws or
   /// allocates; may be called from a signal handler.
@@ -47,8 +48,8 @@ class Gpio {
   virtual bool trigger() = 0;
 };
 
-/// Takes the lines, at their safe levels. Throws InputError, with what there is, for a chip or line that does not
-/// exist, a line that is in use or named twice, and always in a build without libgpiod 2.
+/// Requests the lines, at their safe levels. Throws InputError for a chip that does not exist (listing those that do),
+/// a line that does not exist, is in use or named twice, and always in a build without libgpiod 2.
 std::unique_ptr<Gpio> open_gpio(const GpioSettings& settings);
 
 }  // namespace finsight

@@ -1,4 +1,4 @@
-// The GPIO port on libgpiod 2's C interface: its C++ one throws, which the frame loop must not see.
+// The GPIO port on libgpiod 2's C interface: its C++ interface throws, which the frame loop must not.
 #include <gpiod.h>
 
 #include <cerrno>
@@ -56,7 +56,7 @@ Chip open_chip(const std::string& wanted) {
   throw InputError("gpio.chip", found.empty() ? "no chip" : found, "a path or label", quoted(wanted));
 }
 
-/// Which line of the chip is meant; it must be free.
+/// The line's number on the chip; it must be free.
 unsigned find_line(gpiod_chip* chip, const GpioLine& line, const std::string& field) {
   int offset = static_cast<int>(line.number);
   if (!line.name.empty()) {
@@ -75,7 +75,7 @@ unsigned find_line(gpiod_chip* chip, const GpioLine& line, const std::string& fi
 
 gpiod_line_value value(bool active) { return active ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE; }
 
-/// libgpiod's functions that make or change something fail for want of memory, mostly.
+/// Most of libgpiod's functions fail only for lack of memory.
 void check(bool done, const std::string& field) {
   if (!done) throw InputError(field, std::string("cannot be requested: ") + std::strerror(errno));
 }
@@ -128,7 +128,7 @@ class LibgpiodGpio : public Gpio {
     }
   }
 
-  /// The line is an output at its safe level from the first moment on.
+  /// The line becomes an output at its safe level at once.
   static void add_output(gpiod_line_config* lines, unsigned offset, const OutputLine& line, const std::string& field) {
     const LineSettings settings(gpiod_line_settings_new());
     check(settings != nullptr, field);
@@ -138,7 +138,7 @@ class LibgpiodGpio : public Gpio {
     check(gpiod_line_config_add_line_settings(lines, &offset, 1, settings.get()) == 0, field);
   }
 
-  /// A request of its own: the levels of one with an input cannot be set together.
+  /// A separate request: the levels of a request that contains an input cannot be set together.
   void open_trigger(gpiod_chip* chip, const GpioLine& line, const std::string& consumer) {
     const std::string field = "gpio.trigger";
     trigger_offset_ = find_line(chip, line, field);

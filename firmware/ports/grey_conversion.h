@@ -13,7 +13,7 @@ struct GreyLayout {
   int step_bytes = 1;
   std::array<std::uint8_t, 3> offset{};
   std::array<std::uint16_t, 3> weight{256, 0, 0};
-  int rank = 0;  ///< cheaper formats have smaller ones
+  int rank = 0;  ///< the smaller, the cheaper the conversion
 
   /// The plane is the grey image already.
   bool is_grey_plane() const { return step_bytes == 1; }

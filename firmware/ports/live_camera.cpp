@@ -55,7 +55,7 @@ class LiveCamera : public Camera {
   CameraCounts counts() const override { return counts_; }
 
  private:
-  /// The camera's own counter restarts with every opening; ours goes on.
+  /// The camera's own counter restarts with every opening; ours continues.
   void accept(Frame& frame) {
     if (!delivered_) sequence_offset_ = next_sequence_ - frame.sequence;
     frame.sequence += sequence_offset_;
@@ -161,7 +161,7 @@ std::unique_ptr<Camera> open_live_camera(const LiveCameraSettings& settings,
   return keep_open([settings] { return open_libcamera(settings); }, settings, std::move(report), steady_replay_clock());
 }
 #else
-// At once, since no time could mend it.
+// Refused at once: waiting would not help.
 std::unique_ptr<Camera> open_live_camera(const LiveCameraSettings&, std::function<void(const std::string&)>) {
   throw InputError("source.kind", "\"camera\" needs libcamera 0.4, which this build lacks (Debian 13 has it)");
 }

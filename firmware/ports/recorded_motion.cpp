@@ -122,7 +122,7 @@ RecordedMotion read_recorded_motion(const std::filesystem::path& csv, const std:
       check_column_names(line, place);
       continue;
     }
-    // Every row is checked, also those that are not asked for: a damaged file shows at once, not with luck.
+    // Every row is checked, also in recordings that are not wanted, so that a damaged file is always found.
     const Row row = split(line, place);
     const PlatePoses poses = top_plate_poses(row, place);
     const Eigen::Vector3d pen_mm = vector(row, kPen, place);

@@ -38,7 +38,7 @@ class Replay : public Source<Sample> {
  protected:
   Replay(const ReplaySettings& settings, double frames_per_second)
       : settings_(settings), frames_per_second_(frames_per_second) {}
-  /// The next recorded sample; only passes it if `sample` is null. False after the last one. Throws InputError.
+  /// Reads the next recorded sample, or skips it if `sample` is null. False after the last one. Throws InputError.
   virtual bool read(Sample* sample) = 0;
   virtual void rewind() = 0;
 
@@ -51,7 +51,7 @@ class Replay : public Source<Sample> {
     return static_cast<std::uint64_t>(static_cast<double>(now_ns - start_ns_) * frames_per_second_ / 1e9);
   }
 
-  /// Passes the frames that a late caller missed and reads frame `due`.
+  /// Skips the frames that a late caller missed and reads frame `due`.
   bool advance_to(std::uint64_t due, Sample& sample) {
     try {
       for (std::uint64_t at = next_; at <= due; ++at) {
@@ -65,7 +65,7 @@ class Replay : public Source<Sample> {
       }
       return true;
     } catch (const InputError& error) {
-      // The loop that asks must not see exceptions: a recording that breaks off is a camera that failed.
+      // next() must not throw: a recording that breaks off is a camera that failed.
       error_ = error.what();
       ended_ = true;
       return false;
@@ -92,7 +92,7 @@ class SessionCamera : public Replay<Frame> {
     check("width", images_.width_px(), info.lens.width_px);
     check("height", images_.height_px(), info.lens.height_px);
     check("frames per second", images_.frames_per_second(), info.frames_per_second);
-    // The first frame now: a session without a whole frame is refused before the loop, and its memory is at hand.
+    // Read the first frame now: a session without a complete frame is refused before the loop, and no frame allocates.
     if (!images_.next(grey_)) throw InputError((settings.path / kSessionFrames).string(), "holds no frame");
     images_.rewind();
   }

@@ -22,7 +22,7 @@ inline constexpr const char* kSessionFrames = "frames.y4m";
 inline constexpr const char* kSessionInfo = "session.toml";
 inline constexpr const char* kSessionTruth = "truth.csv";
 
-/// session.toml: everything about the images that the images do not say themselves.
+/// session.toml: what is not in the images themselves.
 struct SessionInfo {
   Lens lens;  ///< and the images' size
   double frames_per_second = 0;
@@ -60,7 +60,7 @@ class Y4mReader {
   double frames_per_second() const { return frames_per_second_; }
   /// Fills `grey` (width * height bytes); false at the end of the file.
   bool next(std::vector<std::uint8_t>& grey);
-  /// Goes past a frame without reading its pixels; false at the end of the file.
+  /// Skips a frame without reading its pixels; false at the end of the file.
   bool skip();
   void rewind();
 

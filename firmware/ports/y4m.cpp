@@ -17,7 +17,7 @@ constexpr std::string_view kSignature = "YUV4MPEG2";
 constexpr std::size_t kLongestStreamHeader = 1024;
 constexpr std::size_t kLongestFrameHeader = 256;
 
-/// What was found, short and printable enough for an error message.
+/// What was found, shortened and made printable for an error message.
 std::string shown(std::string_view text) {
   constexpr std::size_t kLongest = 40;
   std::string result = "'";
@@ -25,7 +25,7 @@ std::string shown(std::string_view text) {
   return result + (text.size() > kLongest ? "...'" : "'");
 }
 
-/// A whole number that is all of `text`; -1 for anything else.
+/// All of `text` as a whole number; -1 if it is not one.
 int whole_number(std::string_view text) {
   int value = -1;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -67,8 +67,7 @@ void Y4mReader::refuse_cut_frame(std::int64_t bytes_found) const {
                    std::to_string(frame_bytes_) + " bytes");
 }
 
-/// The line at position_ without its line feed, or what there is of it at the end of the file: then it has no line feed
-/// and position_ stands at the end.
+/// The line at position_ without its line feed; at the end of the file an empty one.
 std::string Y4mReader::read_line(std::size_t longest) {
   const std::int64_t start = position_;
   std::string line;
@@ -162,7 +161,7 @@ bool Y4mReader::next(std::vector<std::uint8_t>& grey) {
 
 bool Y4mReader::skip() {
   if (!read_frame_header()) return false;
-  // Seeking goes past the end without complaint, so a cut frame shows only against the file's size.
+  // Seeking beyond the end succeeds, so a cut frame is only found by comparing with the file's size.
   struct stat status {};
   if (fstat(fileno(file_), &status) != 0 || fseeko(file_, frame_bytes_, SEEK_CUR) != 0) {
     throw InputError(name_, std::string("cannot be read: ") + std::strerror(errno));

@@ -8,7 +8,7 @@
 
 namespace finsight {
 
-/// A file that gets its name only when it is complete and on the disk: readers, and whoever starts after a power cut,
+/// A file that gets its name only when it is complete and on the disk: readers, and the next start after a power cut,
 /// find the old file or the new one, never half of it. It is written beside its place as NAME.part<process id>. All
 /// functions throw std::system_error naming the file.
 class AtomicFile {

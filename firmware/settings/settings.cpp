@@ -60,8 +60,8 @@ GpioLine read_line(TomlTable& table) {
   return line;
 }
 
-/// `safe` belongs to whoever wires the machine, so there is no default; healthy is safe when it says "not healthy", and
-/// the light when it is off.
+/// There is no default for `safe`: it depends on how the machine is wired. Healthy and the light are safe when
+/// inactive.
 OutputLine read_output(TomlTable table, int output) {
   OutputLine line{read_line(table)};
   const bool has_safe_level = output == kContactOutput || output == kOverloadOutput;

@@ -24,7 +24,7 @@ namespace {
 const toml::table& as_table(const void* node) { return *static_cast<const toml::table*>(node); }
 const toml::node& as_node(const void* node) { return *static_cast<const toml::node*>(node); }
 
-/// The shortest decimal that reads back as this number; with a point, so that it does not look like a whole number.
+/// The shortest decimal that reads back as this number; with a point, to tell it from a whole number.
 std::string decimal(double value) {
   std::array<char, 32> text{};
   const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
@@ -32,7 +32,7 @@ std::string decimal(double value) {
   return number.find_first_not_of("-0123456789") == std::string::npos ? number + ".0" : number;
 }
 
-/// A value for a message: on one line and short, whatever it is.
+/// A value for a message: always short and on one line.
 std::string shown(const toml::node& node) {
   constexpr std::size_t kLongest = 80;
   std::ostringstream out;

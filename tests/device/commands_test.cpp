@@ -70,7 +70,7 @@ struct Device {
 
 }  // namespace
 
-TEST_CASE("commands: zero, save, and the zero is there after a restart") {
+TEST_CASE("commands: a zero that was saved is used after a restart") {
   const test::ScratchFolder folder;
   const auto file = folder / "state.toml";
   {
@@ -96,14 +96,14 @@ TEST_CASE("commands: a zero of a touched finger is not possible") {
   CHECK((device.frame(resting(1)).words[0] & kZeroed) == 0);
 }
 
-TEST_CASE("commands: without a place to save or record they are not configured") {
+TEST_CASE("commands: without a folder for settings or recordings, saving and recording are not configured") {
   Device device;
   CHECK(device.result_of(Command::kSave, resting(0)) == 2);
   CHECK(device.result_of(Command::kRecord, resting(0)) == 2);
   CHECK(device.result_of(Command::kStopRecording, resting(0)) == 2);
 }
 
-TEST_CASE("commands: a setting counts from the next frame on, and is unsaved until it is saved or taken back") {
+TEST_CASE("commands: a setting applies from the next frame on, and is unsaved until it is saved or changed back") {
   Device device;
   CHECK(device.frame(resting(1)).words[46] == 0x1234);
   REQUIRE(device.write(1019, {1}) == Exception::kNone);
@@ -113,7 +113,7 @@ TEST_CASE("commands: a setting counts from the next frame on, and is unsaved unt
   CHECK((device.frame(resting(1)).words[0] & kSettingsUnsaved) == 0);
 }
 
-TEST_CASE("commands: factory settings come back at once, the zero goes, and what is saved stays") {
+TEST_CASE("commands: factory settings apply at once and remove the zero; the saved file stays") {
   const test::ScratchFolder folder;
   SavedState saved;
   saved.settings[kWordOrder] = 1;
@@ -136,7 +136,7 @@ TEST_CASE("commands: a lasting fault stays until it is cleared") {
   CHECK(device.frame(resting(1)).words[1] == 0);
 }
 
-TEST_CASE("commands: reset is reported as done and asked for") {
+TEST_CASE("commands: a reset is reported as done before it is due") {
   Device device;
   CHECK(device.result_of(Command::kReset, resting(1)) == 0);
   CHECK(device.commands->reset_is_ordered());
@@ -145,7 +145,7 @@ TEST_CASE("commands: reset is reported as done and asked for") {
   CHECK(device.commands->reset_is_due());
 }
 
-TEST_CASE("commands: the trigger starts its command and none while another one runs") {
+TEST_CASE("commands: the trigger starts its command, unless another one is running") {
   Device device;
   device.commands->trigger();
   CHECK((device.frame(resting(1)).words[0] & kZeroed) == 0);
@@ -157,7 +157,7 @@ TEST_CASE("commands: the trigger starts its command and none while another one r
   CHECK(device.read(kResultSequenceRegister) == 0);  // nobody ordered it
 }
 
-TEST_CASE("commands: a turn does not allocate") {
+TEST_CASE("commands: poll does not allocate") {
   Device device;
   REQUIRE(device.write(kCommandRegister, {1, 1}) == Exception::kNone);
   const PlatePoses poses = resting(1);

@@ -15,7 +15,7 @@ namespace {
 constexpr OutputLevels kSafe = {true, true, false, false};
 constexpr std::int64_t kMs = 1'000'000;
 
-/// A chip that keeps every level that it was given.
+/// A chip that records every level that was set.
 class RecordingGpio : public Gpio {
  public:
   bool set(const OutputLevels& levels) override {
@@ -37,14 +37,15 @@ TEST_CASE("outputs: without a fault every line follows its bit of the status wor
   CHECK(output_levels(kReady | kOverload, false, kSafe) == OutputLevels{false, true, true, false});
 }
 
-TEST_CASE("outputs: with any fault the lines are safe, whatever else the status word says, and the light stays") {
+TEST_CASE(
+    "outputs: with any fault the lines are safe, whatever else the status word says, and the light does not change") {
   for (const unsigned others : {0U, 0x7fffU, unsigned{kReady}, unsigned{kReady | kContact}}) {
     CHECK(output_levels(static_cast<std::uint16_t>(kAnyFault | others), false, kSafe) == kSafe);
     CHECK(output_levels(static_cast<std::uint16_t>(kAnyFault | others), true, kSafe)[kLightOutput]);
   }
 }
 
-TEST_CASE("outputs: the safe levels are the settings', and an output without a line has none") {
+TEST_CASE("outputs: the safe levels come from the settings; an output without a line is inactive") {
   GpioSettings settings;
   CHECK(safe_levels(settings) == OutputLevels{});
   settings.lines[kOverloadOutput] = OutputLine{};
@@ -52,7 +53,7 @@ TEST_CASE("outputs: the safe levels are the settings', and an output without a l
   CHECK(safe_levels(settings) == OutputLevels{false, true, false, false});
 }
 
-TEST_CASE("outputs: without de-bouncing a change is set with its frame") {
+TEST_CASE("outputs: without debouncing a change is set with its frame") {
   OutputFilter filter(kSafe);
   RuntimeSettings settings;
   CHECK(filter.next(kReady, settings, kMs) == OutputLevels{false, false, true, true});
@@ -60,7 +61,7 @@ TEST_CASE("outputs: without de-bouncing a change is set with its frame") {
   CHECK(filter.next(kReady, settings, 3 * kMs) == OutputLevels{false, false, true, true});
 }
 
-TEST_CASE("outputs: with de-bouncing a level must last, and a shorter one is never set") {
+TEST_CASE("outputs: with debouncing a level must last; a shorter one is never set") {
   OutputFilter filter(kSafe);
   RuntimeSettings settings;
   RecordingGpio gpio;
@@ -89,7 +90,7 @@ TEST_CASE("outputs: safe levels and the light never wait") {
   CHECK(filter.next(kReady | kAnyFault, settings, kMs) == OutputLevels{true, true, false, false});
 }
 
-TEST_CASE("outputs: a trigger is a rising edge; a line that is active from the start is none") {
+TEST_CASE("outputs: a trigger is a rising edge; a line that is active from the start does not trigger") {
   TriggerInput trigger;
   RecordingGpio gpio;
   gpio.level = true;
@@ -102,7 +103,7 @@ TEST_CASE("outputs: a trigger is a rising edge; a line that is active from the s
 }
 
 TEST_CASE("outputs: a crash sets the safe levels before the program ends with its signal") {
-  /// Says on a pipe what it is told.
+  /// Writes the levels to a pipe.
   struct PipeGpio : Gpio {
     explicit PipeGpio(int fd) : pipe(fd) {}
     bool set(const OutputLevels& levels) override { return write(pipe, levels.data(), kOutputs) == kOutputs; }
@@ -136,7 +137,7 @@ TEST_CASE("outputs: a crash sets the safe levels before the program ends with it
   CHECK(WTERMSIG(status) == SIGABRT);
 }
 
-TEST_CASE("outputs: a board without outputs is never refused") {
+TEST_CASE("outputs: without lines setting them always succeeds") {
   DigitalOutputs none(std::nullopt);
   CHECK(none.set(RegisterImage{}, RuntimeSettings{}));
   CHECK_FALSE(none.trigger_rises());

@@ -89,7 +89,7 @@ TEST_CASE("real time: a camera's threads share neither processor nor priority wi
   }
 }
 
-TEST_CASE("real time: what was before can be restored, for the next start") {
+TEST_CASE("real time: the former scheduling can be restored for the next start") {
   const Scheduling ordinary = scheduling();
   Scheduling again;
   std::thread([&] {
@@ -102,7 +102,7 @@ TEST_CASE("real time: what was before can be restored, for the next start") {
   CHECK((again.policy & ~SCHED_RESET_ON_FORK) == SCHED_OTHER);
 }
 
-TEST_CASE("real time: what the system refuses is named with its key") {
+TEST_CASE("real time: a setting that the system refuses is named") {
   std::thread([] {
     CHECK_THROWS_WITH_AS(make_realtime({.cpu = 1023}), doctest::Contains("realtime.cpu = 1023: "), std::runtime_error);
   }).join();

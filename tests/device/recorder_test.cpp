@@ -43,7 +43,7 @@ std::string name_of(int fd) {
 
 }  // namespace
 
-// The linker puts these before the system's (--wrap).
+// The linker calls these instead of the system's (--wrap).
 extern "C" {
 ssize_t __real_write(int fd, const void* bytes, std::size_t count);
 int __real_fsync(int fd);
@@ -90,7 +90,7 @@ TEST_CASE("recorder: a recording is a session that can be replayed, with the reg
     REQUIRE(settles(recorder));
     CHECK(recorder.state() == Recorder::State::kRecording);
     for (std::uint8_t n = 10; n < 15; ++n) add(recorder, n);
-    CHECK(recorder.is_settled());  // the order is carried out, however long the frames take
+    CHECK(recorder.is_settled());  // the order is done, however long the frames take
     recorder.stop();
     REQUIRE(settles(recorder));
     CHECK(recorder.state() == Recorder::State::kIdle);
@@ -113,7 +113,7 @@ TEST_CASE("recorder: a recording is a session that can be replayed, with the reg
   }
 }
 
-TEST_CASE("recorder: the end of the program ends the recording") {
+TEST_CASE("recorder: the end of the program finishes the recording") {
   const test::ScratchFolder folder;
   {
     Recorder recorder(folder.path(), info());
@@ -125,7 +125,7 @@ TEST_CASE("recorder: the end of the program ends the recording") {
   CHECK(std::filesystem::exists(folder / "session-0001" / kSessionInfo));
 }
 
-TEST_CASE("recorder: a place that cannot be written is a failure, and the next try may succeed") {
+TEST_CASE("recorder: a folder that cannot be written is a failure, and the next attempt can succeed") {
   const test::ScratchFolder folder;
   folder.write("recordings", "a file");
   Recorder recorder(folder / "recordings", info());
@@ -138,7 +138,7 @@ TEST_CASE("recorder: a place that cannot be written is a failure, and the next t
   CHECK(recorder.state() == Recorder::State::kRecording);
 }
 
-TEST_CASE("recorder: when it says done, every file and its name are on the disk") {
+TEST_CASE("recorder: when a recording is done, every file and its name are on the disk") {
   const test::ScratchFolder folder;
   Recorder recorder(folder / "recordings", info());
   recorder.start();
@@ -166,7 +166,7 @@ TEST_CASE("recorder: when it says done, every file and its name are on the disk"
   CHECK(watch.synced.back() == (folder / "recordings").string());
 }
 
-TEST_CASE("recorder: frames that a slow disk has no time for are left out and counted, the others are whole") {
+TEST_CASE("recorder: frames that a slow disk cannot take are left out and counted, the others are complete") {
   const test::ScratchFolder folder;
   SessionInfo large = info();  // larger than what is written at once
   large.lens.width_px = large.lens.height_px = 400;
@@ -183,7 +183,7 @@ TEST_CASE("recorder: frames that a slow disk has no time for are left out and co
     recorder.add(Frame{.grey = grey.data(), .width_px = 400, .height_px = 400, .stride_bytes = 400, .sequence = n},
                  image);
   }
-  CHECK(std::chrono::steady_clock::now() - before < std::chrono::milliseconds(200));  // who hands over never waits
+  CHECK(std::chrono::steady_clock::now() - before < std::chrono::milliseconds(200));  // add() never waits
   recorder.stop();
   delay_of_writes_ms = 0;
   REQUIRE(settles(recorder));
@@ -208,7 +208,9 @@ TEST_CASE("recorder: frames that a slow disk has no time for are left out and co
   CHECK_FALSE(images.next(grey));
 }
 
-TEST_CASE("recorder: a disk that fails in mid-recording fails it, nothing of it stays, and the next one may succeed") {
+TEST_CASE(
+    "recorder: when the disk fails in mid-recording, the recording fails and is removed, and the next one can "
+    "succeed") {
   const test::ScratchFolder folder;
   Recorder recorder(folder.path(), info());
   const auto record = [&](int frames) {

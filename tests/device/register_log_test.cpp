@@ -27,7 +27,7 @@ std::vector<std::string> lines_of(const std::filesystem::path& file) {
 
 }  // namespace
 
-TEST_CASE("register log: every block is a line, under the names of the registers") {
+TEST_CASE("register log: every block is a line below the names of the registers") {
   const test::ScratchFolder folder;
   RegisterLog log(folder / "log.csv");
   log.add(block(7));
@@ -42,7 +42,7 @@ TEST_CASE("register log: every block is a line, under the names of the registers
   CHECK(lines[2].ends_with(",65535"));
 }
 
-TEST_CASE("register log: adding does not allocate, and what has no room is counted") {
+TEST_CASE("register log: adding does not allocate, and blocks without room are counted") {
   const test::ScratchFolder folder;
   RegisterLog log(folder / "log.csv", 1000);
   const long before = test::allocations;

@@ -18,7 +18,7 @@ namespace {
 const std::string kBoard = "pack = \"p\"\n[source]\nkind = \"session\"\npath = \"s\"\n[modbus]\nport = 0\n";
 const std::string kNonsense = "[nonsense]\n";  // makes the strict reader refuse the file
 
-/// Safe mode at work, asked as a client asks.
+/// Safe mode at work, and a client of it.
 class Serving {
  public:
   Serving(const test::ScratchFolder& folder, const std::string& board, FaultCode fault = FaultCode::kSettingsRefused)
@@ -37,9 +37,9 @@ class Serving {
     }
     return {};
   }
-  bool is_answered(const std::string& request, std::size_t bytes) {
-    return client_.ask(tests::hex(request), bytes).size() == bytes;
-  }
+  void send(const std::string& request) { client_.send(tests::hex(request)); }
+  tests::Bytes ask(const std::string& request, std::size_t bytes) { return client_.ask(tests::hex(request), bytes); }
+  bool is_answered(const std::string& request, std::size_t bytes) { return ask(request, bytes).size() == bytes; }
   /// Whether safe mode ended because it was told to, not by a reset.
   bool end() {
     stop_ = true;
@@ -65,7 +65,7 @@ float abcd(std::uint16_t high, std::uint16_t low) {
 
 }  // namespace
 
-TEST_CASE("safe mode: serves the fault, and nothing as measured") {
+TEST_CASE("safe mode: serves the fault, and no value as measured") {
   const test::ScratchFolder folder;
   for (const FaultCode fault : {FaultCode::kSettingsRefused, FaultCode::kFailedRepeatedly}) {
     Serving safe(folder, kBoard, fault);
@@ -80,7 +80,7 @@ TEST_CASE("safe mode: serves the fault, and nothing as measured") {
   }
 }
 
-TEST_CASE("safe mode: a client that saved the word order CDAB reads invalid floats as not a number") {
+TEST_CASE("safe mode: with the saved word order CDAB invalid floats are NaN") {
   const test::ScratchFolder folder;
   SavedState saved;
   saved.settings[kWordOrder] = 1;
@@ -101,14 +101,17 @@ TEST_CASE("safe mode: a saved file that is not valid does not stop it") {
   CHECK(safe.block().size() == 48);
 }
 
-TEST_CASE("safe mode: who may not connect may not connect now, and another unit is not answered") {
+TEST_CASE("safe mode: the list of allowed clients and the unit id still apply") {
   const test::ScratchFolder folder;
   {
     Serving safe(folder, kBoard + "allow = [\"10.0.0.0/8\"]\n" + kNonsense);
     CHECK(safe.block().empty());
   }
   Serving safe(folder, kBoard + "unit = 9\n" + kNonsense);
-  CHECK(safe.block().empty());  // asks unit 1
+  safe.send("0001 0000 0006 01 03 0000 0001");
+  const auto reply = safe.ask("0002 0000 0006 09 03 0000 0001", 11);  // the first and only answer
+  REQUIRE(reply.size() == 11);
+  CHECK(reply[1] == 2);
 }
 
 TEST_CASE("safe mode: the fallback port keeps every restriction") {

@@ -33,7 +33,7 @@ std::string name_of(int fd) {
 
 }  // namespace
 
-// The linker puts these before the system's (--wrap).
+// The linker calls these instead of the system's (--wrap).
 extern "C" {
 ssize_t __real_write(int fd, const void* bytes, std::size_t count);
 int __real_fsync(int fd);
@@ -127,7 +127,7 @@ std::string text_of(const std::filesystem::path& file) {
 
 }  // namespace
 
-TEST_CASE("saved state: what is saved comes back to the last bit, in a folder that did not exist") {
+TEST_CASE("saved state: what is saved is loaded to the last bit, from a folder that did not exist") {
   const test::ScratchFolder folder;
   const auto file = folder / "deep" / "er" / "state.toml";
   CHECK_FALSE(load(file));
@@ -189,7 +189,7 @@ TEST_CASE("saved state: a power cut at any byte leaves the old file or the new o
   CHECK(new_ones == 4);  // after the rename, and after the folder's sync
 }
 
-TEST_CASE("saved state: a disk that fails leaves the old file, and says so") {
+TEST_CASE("saved state: when the disk fails, the old file stays and the error names it") {
   const test::ScratchFolder folder;
   const auto file = folder / "state.toml";
   save(file, {});
@@ -199,7 +199,7 @@ TEST_CASE("saved state: a disk that fails leaves the old file, and says so") {
   CHECK(same(load(file)->state, {}));
 }
 
-TEST_CASE("saved state: a file that is cut, changed or not valid is refused by line and key") {
+TEST_CASE("saved state: a file that is cut or not valid is refused with line and key") {
   const test::ScratchFolder folder;
   const auto file = folder / "state.toml";
   save(file, changed());
@@ -227,7 +227,7 @@ TEST_CASE("saved state: a file that is cut, changed or not valid is refused by l
   CHECK(refusal("light = 1", "lamp = 1").find("light") != std::string::npos);
 }
 
-TEST_CASE("saved state: the saver tells how it went, once") {
+TEST_CASE("saved state: the saver reports the outcome of a save once") {
   const test::ScratchFolder folder;
   const auto wait = [](StateSaver& saver) {
     for (int i = 0; i < 2000; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(5))) {
@@ -274,7 +274,7 @@ TEST_CASE("saved state: a zero of another model or another mount is refused, the
   CHECK(load(file, rounded)->state.zero);
 }
 
-TEST_CASE("saved state: a file without a zero suits every model and mount") {
+TEST_CASE("saved state: a file without a zero is valid for every model and mount") {
   const test::ScratchFolder folder;
   save(folder / "state.toml", {});
   ZeroBasis other = basis();
@@ -296,7 +296,7 @@ TEST_CASE("saved state: of a file of version 1 the settings are used, and its ze
   CHECK(loaded->problem.find("does not say with which model and mount") != std::string::npos);
 }
 
-TEST_CASE("saved state: without a model only the settings are asked for, and without a usable file the factory's") {
+TEST_CASE("saved state: without a model only the settings are loaded; without a usable file they are the factory's") {
   const test::ScratchFolder folder;
   const auto file = folder / "state.toml";
   RuntimeSettings factory;
@@ -315,7 +315,7 @@ TEST_CASE("saved state: without a model only the settings are asked for, and wit
   CHECK(refused.problem.find("the factory settings are used") != std::string::npos);
 }
 
-TEST_CASE("saved state: what was begun is saved before the end") {
+TEST_CASE("saved state: the end of the program waits for a save") {
   const test::ScratchFolder folder;
   for (int i = 0; i < 50; ++i) {
     const auto file = folder / ("state" + std::to_string(i) + ".toml");

@@ -38,7 +38,7 @@ struct NotifySocket {
 
 }  // namespace
 
-TEST_CASE("supervisor: is told of the start, and of life at most once per second") {
+TEST_CASE("supervisor: systemd is notified of the start, and at most once per second that the loop runs") {
   const test::ScratchFolder folder;
   const NotifySocket systemd(folder / "notify");
   Supervisor supervisor;
@@ -54,7 +54,7 @@ TEST_CASE("supervisor: is told of the start, and of life at most once per second
   CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=looking for the camera");
 }
 
-TEST_CASE("supervisor: without one, or with one that does not listen, nothing happens") {
+TEST_CASE("supervisor: without a socket, or with one that nobody reads, nothing happens") {
   Supervisor alone;
   alone.ready();
   setenv("NOTIFY_SOCKET", "/nowhere/at/all", 1);

@@ -126,7 +126,7 @@ TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES
     CHECK(frame.sequence > first + 1);
   }
 
-  TEST_CASE("libcamera: what the camera is not or has not is refused with what there is") {
+  TEST_CASE("libcamera: a name, mode or control that does not exist is refused, listing those that do") {
     LiveCameraSettings wrong = settings();
     wrong.name = "nobody";
     CHECK(says(refusal(wrong), "Finger0"));
@@ -141,7 +141,7 @@ TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES
     CHECK(says(refusal(wrong), "gain"));
   }
 
-  TEST_CASE("libcamera: a camera that is kept open delivers, and so does the next one after it") {
+  TEST_CASE("libcamera: a camera that is kept open delivers, and so does a second one after it") {
     for (int i = 0; i < 2; ++i) {
       const auto camera = open_live_camera(settings(), [](const std::string&) {});
       Frame frame;

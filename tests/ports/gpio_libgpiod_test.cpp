@@ -1,4 +1,4 @@
-// The GPIO port against a recording stand-in for libgpiod: the functions below take the place of the library's.
+// The GPIO port against a recording stand-in for libgpiod: the functions below replace the library's.
 #include <doctest/doctest.h>
 #include <gpiod.h>
 
@@ -156,7 +156,7 @@ TEST_CASE("gpio: lines are taken by name or number, as outputs at their safe lev
   CHECK(healthy_line.active_low);
 }
 
-TEST_CASE("gpio: levels go to the lines that exist, all at once; at the end they are safe and the lines free") {
+TEST_CASE("gpio: levels are set together on the lines that exist; at the end they are safe and the lines released") {
   recorder = {};
   {
     const auto gpio = open_gpio(settings());
@@ -169,7 +169,7 @@ TEST_CASE("gpio: levels go to the lines that exist, all at once; at the end they
   CHECK(recorder.objects == 0);
 }
 
-TEST_CASE("gpio: the trigger is an input of its own request, and read by its line") {
+TEST_CASE("gpio: the trigger is an input in a separate request") {
   recorder = {};
   GpioSettings with_trigger = settings();
   with_trigger.trigger = GpioLine{.name = "", .number = 6, .active_low = true};
@@ -191,14 +191,14 @@ TEST_CASE("gpio: the trigger is an input of its own request, and read by its lin
   CHECK(!open_gpio(settings())->trigger());
 }
 
-TEST_CASE("gpio: a chip that refuses is noticed") {
+TEST_CASE("gpio: a refusal by the chip is reported") {
   recorder = {};
   const auto gpio = open_gpio(settings());
   recorder.refuses = true;
   CHECK(!gpio->set({true, true, true, true}));
 }
 
-TEST_CASE("gpio: what does not exist, is in use or named twice is refused by name, and nothing is left behind") {
+TEST_CASE("gpio: a line that does not exist, is in use or named twice is refused by name, and nothing leaks") {
   recorder = {};
   GpioSettings wrong = settings();
   wrong.chip = "/dev/gpiochip9";

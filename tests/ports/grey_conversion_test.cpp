@@ -32,7 +32,7 @@ TEST_CASE("grey conversion: formats with a grey plane need none") {
   }
 }
 
-TEST_CASE("grey conversion: compressed and Bayer images are not taken for grey ones") {
+TEST_CASE("grey conversion: compressed and Bayer formats are not supported") {
   for (const char* code : {"MJPG", "RGGB", "BA81", "R10 ", "    "}) CHECK(!grey_layout(fourcc(code)));
 }
 
@@ -41,12 +41,12 @@ TEST_CASE("grey conversion: the cheaper format has the smaller rank") {
   CHECK(grey_layout(fourcc("YUYV"))->rank < grey_layout(fourcc("RG24"))->rank);
 }
 
-TEST_CASE("grey conversion: packed YUV gives its Y, whichever byte that is") {
+TEST_CASE("grey conversion: of packed YUV the Y bytes are used, in either order") {
   CHECK(grey_of("YUYV", {200, 1, 2, 3}) == 200);
   CHECK(grey_of("UYVY", {1, 200, 2, 3}) == 200);
 }
 
-TEST_CASE("grey conversion: red, green and blue weigh as in BT.601, wherever they are in memory") {
+TEST_CASE("grey conversion: red, green and blue are weighted as in BT.601, in any order in memory") {
   const double red = 0.299 * 255, green = 0.587 * 255, blue = 0.114 * 255;
   CHECK(grey_of("RG24", {0, 0, 255}) == doctest::Approx(red).epsilon(0.02));  // "RGB888": blue first
   CHECK(grey_of("RG24", {255, 0, 0}) == doctest::Approx(blue).epsilon(0.04));
@@ -56,7 +56,7 @@ TEST_CASE("grey conversion: red, green and blue weigh as in BT.601, wherever the
   CHECK(grey_of("XR24", {255, 255, 255, 255}) == 255);
 }
 
-TEST_CASE("grey conversion: rows are found by their stride, and what pads them is left out") {
+TEST_CASE("grey conversion: rows are found by their stride, and their padding is ignored") {
   const std::vector<std::uint8_t> yuyv = {1, 9, 2, 9, 0xee, 0xee, 3, 9, 4, 9, 0xee, 0xee};
   std::vector<std::uint8_t> grey(4);
   convert_to_grey(*grey_layout(fourcc("YUYV")), yuyv.data(), 2, 2, 6, grey.data());

@@ -15,9 +15,9 @@ constexpr int kPeriodMs = 20;
 
 /// What happens to the fake hardware, and what was done to it. The opening thread only touches what is atomic.
 struct Hardware {
-  std::int64_t now_ns = 1'000'000 * kMs;  // only passes when somebody sleeps
+  std::int64_t now_ns = 1'000'000 * kMs;  // passes only while somebody sleeps
   std::atomic<bool> plugged_in{true};
-  bool silent = false;              // the camera is there and gives nothing
+  bool silent = false;              // the camera exists and delivers nothing
   std::int64_t delay_ns = 3 * kMs;  // from a frame's exposure to its delivery
   std::atomic<int> open{0}, openings{0}, attempts{0};
   std::vector<std::string> reports;  // written by the opening thread, read when it is done
@@ -63,10 +63,11 @@ std::unique_ptr<Camera> live(Hardware& hardware) {
   settings.frames_per_second = 1000.0 / kPeriodMs;
   settings.stall_ms = 200;
   return keep_open(
-      open, settings, [&hardware](const std::string& news) { hardware.reports.push_back(news); }, hardware.clock());
+      open, settings, [&hardware](const std::string& message) { hardware.reports.push_back(message); },
+      hardware.clock());
 }
 
-/// Asks until a frame comes; the opening thread takes a moment of real time.
+/// Calls next() until a frame comes; the opening thread takes some real time.
 bool frame_within(Camera& camera, Frame& frame, int asks) {
   for (int i = 0; i < asks; ++i) {
     if (camera.next(frame, 100)) return true;
@@ -104,7 +105,8 @@ TEST_CASE("live camera: a frame that comes two frame times after its exposure co
   CHECK(camera->counts().late == 3);
 }
 
-TEST_CASE("live camera: without a camera at the start it gives nothing, says why, and finds one that comes later") {
+TEST_CASE(
+    "live camera: without a camera at the start there is no frame and an error; one that appears later is found") {
   Hardware hardware;
   hardware.plugged_in = false;
   const auto camera = live(hardware);
@@ -117,7 +119,7 @@ TEST_CASE("live camera: without a camera at the start it gives nothing, says why
   CHECK(camera->error() == "");
 }
 
-TEST_CASE("live camera: a missing camera is asked for ever less often, but at least every five seconds") {
+TEST_CASE("live camera: attempts to open a missing camera become rarer, down to one every five seconds") {
   Hardware hardware;
   hardware.plugged_in = false;
   const auto camera = live(hardware);
@@ -127,12 +129,11 @@ TEST_CASE("live camera: a missing camera is asked for ever less often, but at le
   // 0.1 + 0.2 + ... + 3.2 s are six waits, then 5 s each: 6.3 s + 10 * 5 s.
   CHECK(hardware.attempts >= 15);
   CHECK(hardware.attempts <= 19);
-  CHECK(camera->counts().openings + 1 >=
-        static_cast<unsigned>(hardware.attempts));  // the last one may still be on its way
+  CHECK(camera->counts().openings + 1 >= static_cast<unsigned>(hardware.attempts));  // the last one may not have ended
   CHECK(camera->counts().openings <= static_cast<unsigned>(hardware.attempts));
 }
 
-TEST_CASE("live camera: an unplugged camera comes back, and its sequence goes on without a gap") {
+TEST_CASE("live camera: an unplugged camera comes back, and its sequence continues without a gap") {
   Hardware hardware;
   const auto camera = live(hardware);
   Frame frame;
@@ -174,7 +175,7 @@ TEST_CASE("live camera: the first frame may take seconds") {
   CHECK(hardware.openings == 1);
 }
 
-TEST_CASE("live camera: what changes is reported once") {
+TEST_CASE("live camera: every change is reported once") {
   Hardware hardware;
   hardware.plugged_in = false;
   {

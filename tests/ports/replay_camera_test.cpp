@@ -14,7 +14,7 @@ namespace {
 constexpr std::int64_t kMs = 1'000'000;
 constexpr int kFrames = 5;
 
-/// Time that only passes when somebody sleeps or works.
+/// Time that passes only while the caller sleeps or works.
 struct Time {
   std::int64_t now_ns = 1000 * kMs;
   ReplayClock clock() {
@@ -78,7 +78,7 @@ TEST_CASE("replay: a late caller gets the newest frame, and the sequence shows w
   Frame frame;
   REQUIRE(camera->next(frame, 100));
   const std::int64_t start_ns = time.now_ns;
-  time.now_ns += 65 * kMs;  // frames 1, 2 and 3 were exposed meanwhile
+  time.now_ns += 65 * kMs;  // frames 1, 2 and 3 are exposed in this time
   REQUIRE(camera->next(frame, 100));
   CHECK(frame.sequence == 3);
   CHECK(frame.grey[0] == 3);
@@ -88,7 +88,7 @@ TEST_CASE("replay: a late caller gets the newest frame, and the sequence shows w
   CHECK(frame.sequence == 4);
 }
 
-TEST_CASE("replay: a wait longer than the time-out gives no frame, and the frame comes later") {
+TEST_CASE("replay: when the wait exceeds the time-out there is no frame, and the frame comes later") {
   const Session session;
   Time time;
   const auto camera = open_session_camera(session.settings(time));
@@ -104,7 +104,7 @@ TEST_CASE("replay: a wait longer than the time-out gives no frame, and the frame
   CHECK(frame.exposure_ns == start_ns + 20 * kMs);
 }
 
-TEST_CASE("replay: a repeated session counts on, also when the caller sleeps over its end") {
+TEST_CASE("replay: a repeated session continues its sequence, also when the caller sleeps past its end") {
   const Session session;
   Time time;
   ReplaySettings settings = session.settings(time);
@@ -141,7 +141,7 @@ TEST_CASE("replay: at full speed every frame comes, however late, exposed now") 
   CHECK(camera->ended());
 }
 
-TEST_CASE("replay: sessions that contradict themselves or hold no frame are refused on opening") {
+TEST_CASE("replay: sessions that contradict themselves or have no frame are refused on opening") {
   Session session;
   Time time;
   const auto refused = [&] { CHECK_THROWS_AS(open_session_camera(session.settings(time)), InputError); };
@@ -164,7 +164,7 @@ TEST_CASE("replay: sessions that contradict themselves or hold no frame are refu
   refused();
 }
 
-TEST_CASE("replay: a recording that breaks off ends with an error and throws nothing") {
+TEST_CASE("replay: a recording that breaks off ends with an error and without an exception") {
   const Session session;
   const fs::path file = session.path / kSessionFrames;
   fs::resize_file(file, fs::file_size(file) - 3);
@@ -185,7 +185,7 @@ TEST_CASE("replay: a recording that breaks off ends with an error and throws not
   }
 }
 
-TEST_CASE("replay: a file that disappears into nothing while it repeats is an error, not an endless loop") {
+TEST_CASE("replay: a file that is emptied while it repeats is an error, not an endless loop") {
   const Session session;
   Time time;
   ReplaySettings settings = session.settings(time);
@@ -199,7 +199,7 @@ TEST_CASE("replay: a file that disappears into nothing while it repeats is an er
   CHECK(camera->ended());
 }
 
-TEST_CASE("replay: recorded plate motions come as poses at 60 per second, only the top plate seen") {
+TEST_CASE("replay: recorded plate motions become poses at 60 per second with only the top plate seen") {
   const fs::path file = fs::temp_directory_path() / ("finsight_poses_" + std::to_string(getpid()) + ".csv");
   std::ofstream(file) << "recording,frame,marker_tx_mm,marker_ty_mm,marker_tz_mm,marker_qx,marker_qy,marker_qz,"
                          "marker_qw,touch_x_mm,touch_y_mm,touch_z_mm,surface_node\n"

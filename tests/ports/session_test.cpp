@@ -103,7 +103,7 @@ TEST_CASE("y4m: what was written is read back, frame by frame, again after rewin
   }
 }
 
-TEST_CASE("y4m: a rate that is no whole number comes back") {
+TEST_CASE("y4m: a rate that is not a whole number is read back") {
   const Folder folder;
   const std::vector<std::uint8_t> grey(16);
   for (const double rate : {59.94, 60000.0 / 1001, 7.5}) {
@@ -147,12 +147,12 @@ TEST_CASE("y4m: headers of other programs are understood") {
   CHECK(Y4mReader(file).frames_per_second() == doctest::Approx(29.97).epsilon(1e-4));
 }
 
-TEST_CASE("y4m: a file without frames is no error, it has none") {
+TEST_CASE("y4m: a file without frames is valid") {
   const Folder folder;
   CHECK(read_all(folder.write("frames.y4m", kGoodHeader)) == 0);
 }
 
-TEST_CASE("y4m: malformed and truncated files are refused with the place of the fault") {
+TEST_CASE("y4m: malformed and truncated files are refused with the position of the error") {
   struct Case {
     const char* what;
     std::string bytes;
@@ -207,7 +207,7 @@ TEST_CASE("y4m: malformed and truncated files are refused with the place of the 
   CHECK(contains(refusal([&] { Y4mReader reader(folder.path); }), "no such file"));
 }
 
-TEST_CASE("y4m: a cut frame is also noticed when it is only passed") {
+TEST_CASE("y4m: a cut frame is also detected when it is skipped") {
   const Folder folder;
   Y4mReader reader(folder.write("frames.y4m", kGoodHeader + "FRAME\nabcdefFRAME\nabcde"));
   CHECK(reader.skip());
@@ -227,7 +227,7 @@ TEST_CASE("session.toml: what was written is read back to the last bit") {
   CHECK(back.description == "a \"quoted\" path C:\\x second line");
 }
 
-TEST_CASE("session.toml: what cannot be a session is refused by name") {
+TEST_CASE("session.toml: impossible values are refused by name") {
   struct Change {
     const char* from;
     const char* to;

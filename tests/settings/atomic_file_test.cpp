@@ -35,7 +35,7 @@ std::size_t entries(const std::filesystem::path& folder) {
 
 }  // namespace
 
-// The linker puts these before the system's (--wrap). The first sync is the file's, the second the folder's.
+// The linker calls these instead of the system's (--wrap). The first sync is the file's, the second the folder's.
 extern "C" {
 int __real_fsync(int fd);
 int __real_rename(const char* from, const char* to);
@@ -53,7 +53,7 @@ int __wrap_rename(const char* from, const char* to) {
 }
 }
 
-TEST_CASE("atomic file: has its name only when it is complete, and replaces the older one") {
+TEST_CASE("atomic file: has its name only once it is complete, and replaces the older one") {
   const test::ScratchFolder folder;
   const auto file = folder / "new" / "file";
   const std::string large(200'000, 'x');  // longer than the buffer

@@ -84,7 +84,7 @@ TEST_CASE("board files: the comments of the replay board are a board file of the
   bool alternatives = false;
   for (std::string line; std::getline(in, line);) {
     alternatives = alternatives || line == "# [source]";
-    // What is no TOML among the comments is prose.
+    // Comments that are not TOML are prose.
     if (alternatives && (line.starts_with("# [") || line.find(" = ") != std::string::npos))
       text += line.substr(2) + "\n";
   }
@@ -96,7 +96,7 @@ TEST_CASE("board files: the comments of the replay board are a board file of the
   for (const auto& line : settings.gpio->lines) CHECK(line);
 }
 
-TEST_CASE("board files: a camera's keys are read, and what is left out is automatic") {
+TEST_CASE("board files: a camera's keys are read; omitted exposure and gain are automatic") {
   const Settings settings = read(kCamera);
   CHECK(settings.source == Settings::Source::kCamera);
   CHECK(settings.camera.name == "Finger");
@@ -110,7 +110,7 @@ TEST_CASE("board files: a camera's keys are read, and what is left out is automa
   CHECK(settings.lens.k1 == 0.1);
 }
 
-TEST_CASE("board files: a camera that cannot be is refused with line and key") {
+TEST_CASE("board files: an impossible camera is refused with line and key") {
   CHECK(says(refusal(with(kCamera, "width_px = 640", "width_px = 4")), "width_px"));
   CHECK(says(refusal(with(kCamera, "width_px = 640", "width_px = 4")), ".toml:5"));
   CHECK(says(refusal(with(kCamera, "frames_per_second = 60", "")), "frames_per_second"));
@@ -140,7 +140,7 @@ TEST_CASE("board files: lines are read by name or number, with their polarity an
   CHECK(!read(kCamera).gpio);
 }
 
-TEST_CASE("board files: outputs that are not clear are refused") {
+TEST_CASE("board files: ambiguous or incomplete outputs are refused") {
   CHECK(says(refusal(with(kGpio, ", safe = \"active\"", "")), "safe"));
   CHECK(says(refusal(with(kGpio, "safe = \"active\"", "safe = \"high\"")), "\"active\" \"inactive\""));
   CHECK(says(refusal(with(kGpio, "number = 3", "name = \"x\", number = 3")), "either a name or a number"));

@@ -41,7 +41,7 @@ constexpr const char* kBoard = "pack = \"p\"\n[source]\nkind = \"session\"\npath
 
 }  // namespace
 
-TEST_CASE("measured mount: a board file takes what is written, as a file or as tables") {
+TEST_CASE("measured mount: a board file reads what was written, as a file or as tables") {
   const test::ScratchFolder folder;
   const MeasuredMount mount = displaced();
   folder.write("mount.toml", measured_mount_toml(mount));
@@ -77,7 +77,7 @@ TEST_CASE("measured mount: a missing or unknown key is refused with its place") 
   CHECK(says(read(good.substr(0, good.rfind("turn_deg"))), "low.turn_deg: found nothing"));
 }
 
-TEST_CASE("measured mount: one that is too far from the model's is another finger's") {
+TEST_CASE("measured mount: one that is too far from the model's is refused") {
   CHECK(refusal(displaced()) == "accepted");
   MeasuredMount mount = displaced();
   mount.T_finger_camera.translation().y() -= 12;
@@ -87,7 +87,7 @@ TEST_CASE("measured mount: one that is too far from the model's is another finge
   CHECK(says(refusal(mount), "here: top: found 17."));
 }
 
-TEST_CASE("measured mount: with it a displaced camera sees a finger at rest at rest, and a touched one as touched") {
+TEST_CASE("measured mount: with it a displaced camera measures the plates of a resting and of a touched finger") {
   test::TinyModel tiny;
   const test::TestPrior prior;
   tiny.parts.mount = test::test_mount();

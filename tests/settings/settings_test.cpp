@@ -146,7 +146,7 @@ TEST_CASE("settings: every choice is known") {
   CHECK(parity("none") == 'N');
 }
 
-TEST_CASE("settings: what is left out has the default of the part that uses it") {
+TEST_CASE("settings: an omitted key has the default of the part that uses it") {
   const Settings settings = read(kMin), parts;
   CHECK(settings.loop.runtime == parts.loop.runtime);
   CHECK(settings.loop.shape.tier == parts.loop.shape.tier);
@@ -251,7 +251,7 @@ TEST_CASE("settings: a recording can only be chosen from poses") {
                        doctest::Contains("board.toml:7: source.recording: found an unknown key"), InputError);
 }
 
-TEST_CASE("settings: what must be there and is not is named") {
+TEST_CASE("settings: a required key that is missing is named") {
   const auto check_missing = [](const std::string& line, const std::string& reason) {
     CHECK_THROWS_WITH_AS(read(replaced(kMin, line, "")), doctest::Contains(reason.c_str()), InputError);
   };
@@ -262,14 +262,14 @@ TEST_CASE("settings: what must be there and is not is named") {
   CHECK_THROWS_WITH_AS(read(""), doctest::Contains("board.toml"), InputError);
 }
 
-TEST_CASE("settings: a file that is no TOML is refused with the line, one that is not there with its name") {
+TEST_CASE("settings: a file that is not TOML is refused with the line, one that does not exist with its name") {
   check_refused("repeat = true", "repeat = ", "");
   const test::ScratchFolder folder;
   CHECK_THROWS_WITH_AS(read_settings(folder / "none.toml"), doctest::Contains("none.toml: no such file"), InputError);
   CHECK_THROWS_WITH_AS(read_settings(folder.path()), doctest::Contains("no such file"), InputError);
 }
 
-TEST_CASE("settings: the workstation's board file is good and finds what the demo makes") {
+TEST_CASE("settings: the workstation's board file is valid and names what the demo makes") {
   const std::filesystem::path boards = FINSIGHT_SOURCE_DIR "/boards/replay";
   const Settings settings = read_settings(boards / "board.toml"), parts;
   const std::filesystem::path demo = FINSIGHT_SOURCE_DIR "/build/demo";
@@ -282,7 +282,7 @@ TEST_CASE("settings: the workstation's board file is good and finds what the dem
   CHECK(settings.loop.runtime == parts.loop.runtime);
 }
 
-TEST_CASE("settings: the user's values take the board file's place, and paths start at the user's file") {
+TEST_CASE("settings: the user's values replace the board file's, and its paths start at the user's file") {
   const test::ScratchFolder folder;
   const auto board = folder.write("board.toml", kBoard);
   std::filesystem::create_directory(folder / "esp");
@@ -298,7 +298,7 @@ TEST_CASE("settings: the user's values take the board file's place, and paths st
   CHECK(read_settings(board).pack == folder / "model.safetensors");
 }
 
-TEST_CASE("settings: a source of another kind replaces the board's as a whole") {
+TEST_CASE("settings: a source of another kind replaces the board's entirely") {
   const test::ScratchFolder folder;
   const auto board = folder.write("board.toml", kBoard);
   const Settings settings =

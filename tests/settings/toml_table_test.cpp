@@ -12,7 +12,7 @@ using namespace finsight;
 
 namespace {
 
-/// What reading this text says; "accepted" if nothing.
+/// The error message of reading this text; "accepted" without one.
 doctest::String refusal(const std::string& text, const std::function<void(TomlTable&)>& read) {
   try {
     TomlTable table = TomlTable::parse_text(text, "board.toml");
@@ -50,7 +50,7 @@ TEST_CASE("toml table: reads every kind of value") {
   CHECK_NOTHROW(table.finish());
 }
 
-TEST_CASE("toml table: a fallback stands for a missing key and for nothing else") {
+TEST_CASE("toml table: a default replaces a missing key, and not a wrong value") {
   TomlTable table = TomlTable::parse_text("n = 'x'\n", "t");
   CHECK_FALSE(table.has("rate"));
   CHECK(table.has("n"));
@@ -134,7 +134,7 @@ TEST_CASE("toml table: refuses keys that nobody asked for, in every table") {
   CHECK(refusal(good + "[extra]\n", read) == doctest::Contains("board.toml:5: extra: found an unknown key"));
 }
 
-TEST_CASE("toml table: refuses text that is no TOML, on one line and with its place") {
+TEST_CASE("toml table: refuses text that is not TOML, with a message of one line that names the place") {
   for (const std::string text : {"a =", "a = 1\na = 2", "[t]\n[t]", "a = 'x", "= 1", "a = 1 b = 2", "\xff\xfe",
                                  "a = \"\\q\"", "a = 1e", "a = [1, 2", "a = 99999999999999999999", "[[a]]\n[a]"}) {
     CAPTURE(text);
@@ -147,7 +147,7 @@ TEST_CASE("toml table: refuses text that is no TOML, on one line and with its pl
   CHECK(refusal("a = " + std::string(100'000, '['), [](TomlTable&) {}) == doctest::Contains("board.toml:1: "));
 }
 
-TEST_CASE("toml table: shows a long or many-lined value on one short line") {
+TEST_CASE("toml table: shows a value that is long or has many lines on one short line") {
   const auto read = [](TomlTable& t) { t.number("k", 0, 1); };
   for (const std::string& text :
        {std::string("k = '''\nfirst\nsecond'''"), "k = '" + std::string(5000, 'x') + "'",
@@ -170,7 +170,7 @@ TEST_CASE("toml table: takes relative paths from the folder of the file") {
   CHECK(table.where("far") == file.string() + ":2");
 }
 
-TEST_CASE("toml table: refuses what is no file") {
+TEST_CASE("toml table: refuses what is not a file") {
   const test::ScratchFolder folder;
   CHECK_THROWS_WITH_AS(TomlTable::parse_file(folder / "missing.toml"), doctest::Contains("missing.toml: no such file"),
                        InputError);
@@ -179,7 +179,7 @@ TEST_CASE("toml table: refuses what is no file") {
   CHECK_NOTHROW(TomlTable::parse_file(folder.write("empty.toml", "")).finish());
 }
 
-TEST_CASE("toml: a key of very many parts is refused, a number with a point is none") {
+TEST_CASE("toml table: a key of very many parts is refused; many numbers with a point are not") {
   std::string deep = "ok = 1\n";
   for (int part = 0; part < 40000; ++part) deep += "a.";
   CHECK_THROWS_WITH_AS(TomlTable::parse_text(deep + "a = 1\n", "deep.toml"), "deep.toml:2: a key of more than 64 parts",
