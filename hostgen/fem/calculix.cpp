@@ -114,7 +114,7 @@ CalculixComparison compare_with_calculix(const FingerSpec& spec, const TetMesh& 
   run_program({"ccx", "-i", "finger"}, folder.path(), kTimeLimit, "calculix-ccx");
   const std::vector<double> theirs = read_displacements(folder.path() / "finger.dat", nodes_of(quadratic));
 
-  FingerStatics finger(make_statics_setup(spec, mesh, element));
+  FingerStatics finger(std::make_shared<const PushedFinger>(spec, mesh, element));
   if (!finger.load(load.point_mm, load.force_n))
     throw std::runtime_error("no equilibrium of a load that CalculiX solved");
   const std::vector<double> ours = finger.quadratic_displacement_mm();

@@ -78,7 +78,7 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
   std::vector<std::size_t> indices;
   const auto first = static_cast<std::size_t>(shard.index), stride = static_cast<std::size_t>(shard.count);
   for (std::size_t i = first; i < points.size(); i += stride) indices.push_back(i);
-  const auto setup = make_statics_setup(spec, mesh);
+  const auto finger = std::make_shared<const PushedFinger>(spec, mesh);
   std::vector<FemDataset> paths(indices.size(), empty);
   {
     Progress progress("finite-element load paths", indices.size());
@@ -95,11 +95,11 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
         }
       } else {
         // One solver per thread, started afresh for each path.
-        thread_local std::shared_ptr<const StaticsSetup> owner;
+        thread_local std::shared_ptr<const PushedFinger> owner;
         thread_local std::unique_ptr<FingerStatics> statics;
-        if (owner != setup) {
-          statics = std::make_unique<FingerStatics>(setup);
-          owner = setup;
+        if (owner != finger) {
+          statics = std::make_unique<FingerStatics>(finger);
+          owner = finger;
         }
         walk_path(*statics, mesh, points[i], static_cast<std::int32_t>(i), spec.force_n, paths[slot]);
         if (!resume.empty()) write_dataset(file, paths[slot]);

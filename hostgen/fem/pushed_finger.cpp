@@ -1,26 +1,46 @@
 #include "hostgen/fem/pushed_finger.h"
 
+#include <Eigen/SVD>
 #include <algorithm>
 
-#include "hostgen/fem/statics.h"
+#include "firmware/geometry/so3.h"
+#include "hostgen/fem/dataset.h"
 
 namespace finsight::host {
 
 namespace {
 
-ElasticState state_at_rest(const ElasticBody& body) {
-  ElasticState rest(body);
-  body.stresses(rest.u, rest.u, rest.stress);
-  return rest;
+/// The rigid motion nearest to the displacements of a plate's nodes (least squares; Kabsch 1976), about `centre`.
+PlateMotion rigid_fit(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now,
+                      const Eigen::Vector3d& centre) {
+  Eigen::Vector3d rest_mean = Eigen::Vector3d::Zero(), now_mean = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    rest_mean += rest[i] / static_cast<double>(rest.size());
+    now_mean += now[i] / static_cast<double>(rest.size());
+  }
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < rest.size(); ++i) {
+    covariance += (now[i] - now_mean) * (rest[i] - rest_mean).transpose();
+  }
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+  const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  return {(now_mean + R * (centre - rest_mean) - centre).cast<float>(), so3_log(R).cast<float>()};
 }
 
 }  // namespace
 
-PushedFinger::PushedFinger(const FingerSpec& finger, const TetMesh& tets)
-    : spec(finger),
-      mesh(make_quadratic(tets)),
-      body(mesh, tet_materials(finger, mesh.region)),
-      rest(state_at_rest(body)) {}
+std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<int>& region) {
+  std::vector<NeoHookean> material;
+  for (const int label : region) {
+    const double stiffness = label >= kFirstPlateRegion ? spec.plate_stiffness_ratio : 1;
+    material.push_back(neo_hookean(stiffness * spec.youngs_modulus_mpa, spec.poisson_ratio));
+  }
+  return material;
+}
+
+PushedFinger::PushedFinger(const FingerSpec& finger, const TetMesh& tets, Element element)
+    : spec(finger), mesh(make_quadratic(tets, element)), body(mesh, tet_materials(finger, mesh.region)), rest(body) {}
 
 std::vector<FacePoint> PushedFinger::spread_points(int count) const {
   std::vector<FacePoint> points;
@@ -84,12 +104,18 @@ PlatePoses PushedFinger::plates(const ElasticState& state) const {
   return result;
 }
 
-std::vector<double> PushedFinger::node_displacement_mm(const ElasticState& state) const {
+std::vector<double> PushedFinger::quadratic_displacement_mm(const ElasticState& state) const {
   std::vector<double> result;
-  for (std::size_t node = 0; node < mesh.corner_nodes; ++node) {
+  for (std::size_t node = 0; node < mesh.node_mm.size(); ++node) {
     const Eigen::Vector3d u = displacement(state, static_cast<int>(node));
     result.insert(result.end(), u.begin(), u.end());
   }
+  return result;
+}
+
+std::vector<double> PushedFinger::node_displacement_mm(const ElasticState& state) const {
+  std::vector<double> result = quadratic_displacement_mm(state);
+  result.resize(3 * mesh.corner_nodes);
   return result;
 }
 

@@ -15,13 +15,17 @@ struct FaceForce {
   double force_n = 0;
 };
 
-/// C3D10 and neo-Hookean as in FingerStatics. Constant after construction: one serves all threads.
+/// Per tet of the mesh: the finger's material, stiffened in the plates.
+std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<int>& region);
+
+/// What all states of one finger share: mesh, material, symbolic factorisation. Constant after construction: one
+/// serves all threads.
 class PushedFinger {
  public:
   /// A vector of the ElasticBody.
   using BodyVector = std::vector<double>;
 
-  PushedFinger(const FingerSpec& spec, const TetMesh& mesh);
+  PushedFinger(const FingerSpec& spec, const TetMesh& mesh, Element element = Element::kC3D10);
 
   const FingerSpec spec;
   const QuadraticMesh mesh;
@@ -42,8 +46,10 @@ class PushedFinger {
   Eigen::Vector3d displacement(const ElasticState& state, int node) const;
   Eigen::Vector3d displacement(const ElasticState& state, const FacePoint& at) const;
   PlatePoses plates(const ElasticState& state) const;
-  /// [3 * mesh nodes] of the mesh's (corner) nodes.
+  /// [3 * mesh nodes] of the mesh's (corner) nodes, mm.
   std::vector<double> node_displacement_mm(const ElasticState& state) const;
+  /// The same for all nodes of the quadratic mesh, mesh nodes first.
+  std::vector<double> quadratic_displacement_mm(const ElasticState& state) const;
 };
 
 }  // namespace finsight::host

@@ -1,11 +1,7 @@
 #include "hostgen/fem/statics.h"
 
-#include <Eigen/Geometry>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-
-#include "firmware/geometry/so3.h"
 
 namespace finsight::host {
 namespace {
@@ -33,48 +29,6 @@ void add(const ElasticState& from, double weight, ElasticState& to) {
 
 }  // namespace
 
-std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<int>& region) {
-  std::vector<NeoHookean> material;
-  for (const int label : region) {
-    const double stiffness = label >= kFirstPlateRegion ? spec.plate_stiffness_ratio : 1;
-    material.push_back(neo_hookean(stiffness * spec.youngs_modulus_mpa, spec.poisson_ratio));
-  }
-  return material;
-}
-
-PlateMotion rigid_fit(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now,
-                      const Eigen::Vector3d& centre) {
-  Eigen::Vector3d rest_mean = Eigen::Vector3d::Zero(), now_mean = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < rest.size(); ++i) {
-    rest_mean += rest[i] / static_cast<double>(rest.size());
-    now_mean += now[i] / static_cast<double>(rest.size());
-  }
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  for (std::size_t i = 0; i < rest.size(); ++i) {
-    covariance += (now[i] - now_mean) * (rest[i] - rest_mean).transpose();
-  }
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
-  const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
-  return {(now_mean + R * (centre - rest_mean) - centre).cast<float>(), so3_log(R).cast<float>()};
-}
-
-class StaticsSetup {
- public:
-  StaticsSetup(const FingerSpec& spec, const TetMesh& tets, Element element)
-      : mesh(make_quadratic(tets, element)), body(mesh, tet_materials(spec, mesh.region)), rest(body) {
-    for (std::size_t p = 0; p < kPlates; ++p) marker_centre[p] = spec.plates[p].T_finger_marker.translation();
-  }
-  const QuadraticMesh mesh;
-  const ElasticBody body;
-  const ElasticState rest;
-  std::array<Eigen::Vector3d, kPlates> marker_centre;
-};
-
-std::shared_ptr<const StaticsSetup> make_statics_setup(const FingerSpec& spec, const TetMesh& mesh, Element element) {
-  return std::make_shared<const StaticsSetup>(spec, mesh, element);
-}
-
 /// The loads between two touches: base + s direction. While the touched point stays, base is zero and s is the force,
 /// so that the states of a whole path lie on one line and can be extrapolated.
 struct FingerStatics::Solver {
@@ -83,8 +37,8 @@ struct FingerStatics::Solver {
     ElasticState state;
   };
 
-  explicit Solver(std::shared_ptr<const StaticsSetup> shared)
-      : setup(std::move(shared)), equilibrium(setup->body), trial(setup->body) {
+  explicit Solver(std::shared_ptr<const PushedFinger> shared)
+      : finger(std::move(shared)), equilibrium(finger->body), trial(finger->body) {
     reset();
   }
 
@@ -92,34 +46,17 @@ struct FingerStatics::Solver {
     place = FacePoint{};
     force_n = 0;
     compliance = 0;
-    history.assign(1, Station{0, setup->rest});
+    history.assign(1, Station{0, finger->rest});
   }
 
-  std::vector<double> unit_load(const FacePoint& at) const {
-    std::vector<double> load(setup->body.vector_size());
-    for (std::size_t i = 0; i < at.node.size(); ++i) {
-      const int unknown = setup->body.unknown_of_node()[static_cast<std::size_t>(at.node[i])];
-      if (unknown == setup->body.free_nodes()) continue;  // carried by the base at once
-      for (int k = 0; k < 3; ++k) load[static_cast<std::size_t>(3 * unknown + k)] += at.weight[i] * at.inward[k];
-    }
-    return load;
-  }
-  Eigen::Vector3d displacement(int node) const {
-    const int unknown = setup->body.unknown_of_node()[static_cast<std::size_t>(node)];
-    return Eigen::Map<const Eigen::Vector3d>(&history.back().state.u[static_cast<std::size_t>(3 * unknown)]);
-  }
-  Eigen::Vector3d displacement(const FacePoint& at) const {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (std::size_t i = 0; i < at.node.size(); ++i) sum += at.weight[i] * displacement(at.node[i]);
-    return sum;
-  }
+  const ElasticState& state() const { return history.back().state; }
 
   bool go(const FacePoint& target, double target_force_n);
   void extrapolate(double s);
   bool step_to(double s, const std::vector<double>& base, const std::vector<double>& direction);
   bool walk(double from, double to, const std::vector<double>& base, const std::vector<double>& direction);
 
-  std::shared_ptr<const StaticsSetup> setup;
+  std::shared_ptr<const PushedFinger> finger;
   Equilibrium equilibrium;
   FacePoint place;  ///< where the force of `force_n` is applied now
   double force_n = 0;
@@ -185,11 +122,12 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
   const std::vector<Station> history_before = history;
   const double compliance_before = compliance;
   const bool same_place = force_n == 0 || (place.node == target.node && place.weight == target.weight);
-  std::vector<double> base(setup->body.vector_size()), direction = unit_load(target);
+  std::vector<double> base = finger->zero(), direction = finger->zero();
+  finger->add_push(target, 1, direction);
   double from = force_n, to = target_force_n;
   if (force_n == 0) history.erase(history.begin(), history.end() - 1);
   if (!same_place) {
-    base = unit_load(place);
+    finger->add_push(place, 1, base);
     for (std::size_t i = 0; i < base.size(); ++i) {
       base[i] *= force_n;
       direction[i] = target_force_n * direction[i] - base[i];
@@ -214,52 +152,38 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
   return true;
 }
 
-FingerStatics::FingerStatics(std::shared_ptr<const StaticsSetup> setup)
-    : solver_(std::make_unique<Solver>(std::move(setup))) {}
+FingerStatics::FingerStatics(std::shared_ptr<const PushedFinger> finger)
+    : solver_(std::make_unique<Solver>(std::move(finger))) {}
 FingerStatics::FingerStatics(const FingerSpec& spec, const TetMesh& mesh)
-    : FingerStatics(make_statics_setup(spec, mesh)) {}
+    : FingerStatics(std::make_shared<const PushedFinger>(spec, mesh)) {}
 FingerStatics::~FingerStatics() = default;
 
 void FingerStatics::reset() { solver_->reset(); }
 
 bool FingerStatics::load(const Vec3f& point_mm, double force_n) {
-  return solver_->go(face_point(solver_->setup->mesh, point_mm.x(), point_mm.y()), force_n);
+  return solver_->go(solver_->finger->at(point_mm.head<2>().cast<double>()), force_n);
 }
 
 FemState FingerStatics::state() const {
-  const StaticsSetup& setup = *solver_->setup;
+  const PushedFinger& finger = *solver_->finger;
+  const Eigen::Vector3d at_mm = solver_->place.at_mm, push_mm = finger.displacement(solver_->state(), solver_->place);
   FemState state;
   state.force_n = static_cast<float>(solver_->force_n);
-  const Eigen::Vector3d push = solver_->displacement(solver_->place);
-  state.point_mm = solver_->place.at_mm.cast<float>();
-  state.contact_mm = (solver_->place.at_mm + push).cast<float>();
-  if (push.norm() > kLongestPush_mm) state.outcome = Outcome::kPushedTooFar;
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    std::vector<Eigen::Vector3d> rest, now;
-    for (const int node : setup.mesh.plate_nodes[p]) {
-      rest.push_back(setup.mesh.node_mm[static_cast<std::size_t>(node)]);
-      now.push_back(rest.back() + solver_->displacement(node));
-    }
-    state.plates[p] = rigid_fit(rest, now, setup.marker_centre[p]);
-  }
+  state.point_mm = at_mm.cast<float>();
+  state.contact_mm = (at_mm + push_mm).cast<float>();
+  if (push_mm.norm() > kLongestPush_mm) state.outcome = Outcome::kPushedTooFar;
+  state.plates = finger.plates(solver_->state()).plates;
   return state;
 }
 
 EquilibriumCost FingerStatics::cost() const { return solver_->equilibrium.cost(); }
 
 std::vector<double> FingerStatics::node_displacement_mm() const {
-  std::vector<double> displacement = quadratic_displacement_mm();
-  displacement.resize(3 * solver_->setup->mesh.corner_nodes);
-  return displacement;
+  return solver_->finger->node_displacement_mm(solver_->state());
 }
 
 std::vector<double> FingerStatics::quadratic_displacement_mm() const {
-  std::vector<double> displacement;
-  for (std::size_t node = 0; node < solver_->setup->mesh.node_mm.size(); ++node) {
-    const Eigen::Vector3d u = solver_->displacement(static_cast<int>(node));
-    displacement.insert(displacement.end(), u.data(), u.data() + 3);
-  }
-  return displacement;
+  return solver_->finger->quadratic_displacement_mm(solver_->state());
 }
 
 }  // namespace finsight::host

@@ -8,29 +8,16 @@
 #include <vector>
 
 #include "hostgen/fem/dataset.h"
-#include "hostgen/fem/equilibrium.h"
-#include "hostgen/fem/quadratic_mesh.h"
+#include "hostgen/fem/pushed_finger.h"
 
 namespace finsight::host {
 
-/// What all states of one finger share: mesh, material, symbolic factorisation. Constant; one serves all threads.
-class StaticsSetup;
-std::shared_ptr<const StaticsSetup> make_statics_setup(const FingerSpec& spec, const TetMesh& mesh,
-                                                       Element element = Element::kC3D10);
-
-/// Per tet of the mesh: the finger's material, stiffened in the plates.
-std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<int>& region);
-
-/// The rigid motion nearest to the displacements of a plate's nodes (least squares; Kabsch 1976), about `centre`.
-PlateMotion rigid_fit(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now,
-                      const Eigen::Vector3d& centre);
-
 /// One finger under load; keeps its state, so that a path of neighbouring loads is cheap. Not thread-safe; make one per
-/// thread from a shared setup.
+/// thread from a shared finger.
 class FingerStatics {
  public:
   FingerStatics(const FingerSpec& spec, const TetMesh& mesh);
-  explicit FingerStatics(std::shared_ptr<const StaticsSetup> setup);
+  explicit FingerStatics(std::shared_ptr<const PushedFinger> finger);
   ~FingerStatics();
   FingerStatics(const FingerStatics&) = delete;
   FingerStatics& operator=(const FingerStatics&) = delete;

@@ -95,12 +95,12 @@ struct Residuals {
 };
 
 Residuals residuals(const FingerSpec& spec, const std::vector<RecordedPush>& pushes, const MeshMaker& make) {
-  const auto setup = make_statics_setup(spec, make(spec));
+  const auto finger = std::make_shared<const PushedFinger>(spec, make(spec));
   const Eigen::Vector3d inward = inward_normal(spec);
   Residuals result{VectorXd::Zero(6 * kPlates * static_cast<Index>(pushes.size())), {}};
   std::vector<char> good(pushes.size());
   parallel_for(pushes.size(), [&](std::size_t i) {
-    FingerStatics statics(setup);
+    FingerStatics statics(finger);
     const std::optional<Millimetres> simulated = simulate(statics, pushes[i], inward);
     if (!simulated) return;
     good[i] = 1;

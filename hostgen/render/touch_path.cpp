@@ -178,9 +178,9 @@ std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mes
   const std::size_t keys = static_cast<std::size_t>((frames + kKeyStep - 2) / kKeyStep) + 1;
   std::vector<FemState> states(keys);
   Progress progress("touch path: finite-element states", keys);
-  const auto setup = make_statics_setup(spec, mesh);
+  const auto shared = std::make_shared<const PushedFinger>(spec, mesh);
   parallel_for((keys + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-    FingerStatics finger(setup);
+    FingerStatics finger(shared);
     for (std::size_t key = chunk * kChunk; key < std::min(keys, (chunk + 1) * kChunk); ++key) {
       if (interrupted()) throw Interrupted();
       const double time_s = static_cast<double>(key) * kKeyStep / frames_per_second;

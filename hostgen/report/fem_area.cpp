@@ -56,7 +56,7 @@ json locking(const FingerSpec& spec, bool quick) {
     json row = {{"mesh", name}, {"tets", mesh.tets.size()}};
     for (const Element element : kElements) {
       say("locking", name_of(element), name);
-      FingerStatics finger(make_statics_setup(spec, mesh, element));
+      FingerStatics finger(std::make_shared<const PushedFinger>(spec, mesh, element));
       if (!finger.load(Vec3f(0, 70, 0), 0.5)) throw std::runtime_error("no equilibrium under half a newton");
       const FemState state = finger.state();
       row[std::string(name_of(element)) + "_mm"] = (state.contact_mm - state.point_mm).norm();
