@@ -68,13 +68,9 @@ std::string shown(const json& value) {
 void add_rows(const json& object, const std::string& prefix, std::ostringstream& out) {
   for (const auto& [key, value] : object.items()) {
     if (key == "why") continue;
-    if (value.is_array() && !value.empty() && value.front().is_object()) {
-      continue;  // a table of its own
-    }
+    if (value.is_array() && !value.empty() && value.front().is_object()) continue;  // a table of its own
     if (value.is_object()) {
       add_rows(value, prefix + key + ".", out);
-    } else if (value.is_array() && !value.empty() && value[0].is_object()) {
-      for (const json& row : value) out << "<tr><td>" << prefix << key << "</td><td>" << shown(row) << "</td></tr>\n";
     } else {
       out << "<tr><td>" << prefix << key << "</td><td>" << shown(value) << "</td></tr>\n";
     }
