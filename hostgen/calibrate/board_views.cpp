@@ -23,19 +23,6 @@ std::string extension(const fs::path& file) {
   return text;
 }
 
-std::vector<fs::path> image_files(const fs::path& folder) {
-  std::error_code error;
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator(folder, error)) {
-    const std::string kind = extension(entry.path());
-    if (kind == ".png" || kind == ".pgm" || kind == ".y4m") files.push_back(entry.path());
-  }
-  if (error) throw InputError(folder.string(), "is no folder that can be read");
-  if (files.empty()) throw InputError(folder.string(), "images", "none", "files ending in .png, .pgm or .y4m");
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
 /// How many of a file's frames are looked at; what is wrong with it shows when they are.
 std::size_t images_in(const fs::path& file, int every) {
   if (extension(file) != ".y4m") return 1;
@@ -175,6 +162,19 @@ void reject_duplicates(std::vector<BoardView>& views) {
 }
 
 }  // namespace
+
+std::vector<fs::path> image_files(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string kind = extension(entry.path());
+    if (kind == ".png" || kind == ".pgm" || kind == ".y4m") files.push_back(entry.path());
+  }
+  if (error) throw InputError(folder.string(), "is no folder that can be read");
+  if (files.empty()) throw InputError(folder.string(), "images", "none", "files ending in .png, .pgm or .y4m");
+  std::sort(files.begin(), files.end());
+  return files;
+}
 
 std::vector<BoardView> read_board_views(const fs::path& folder, const CharucoBoard& board, int every) {
   const std::vector<fs::path> files = image_files(folder);

@@ -157,10 +157,12 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
 
 void run(const Options& options) {
   const Profile profile = chosen_profile(options);
-  check_writable(options.output, {options.spec, options.dataset});
-  if (!options.save_dataset.empty()) check_writable(options.save_dataset, {options.spec, options.dataset});
   Parts parts;
   parts.spec = read_finger_spec(options.spec);
+  std::vector<std::filesystem::path> used = {parts.spec.file, parts.spec.surface_file, options.dataset};
+  check_writable(options.output, used);
+  used.push_back(options.output);
+  if (!options.save_dataset.empty()) check_writable(options.save_dataset, used);
   const TetMesh mesh = make_mesh(parts.spec);
   std::printf("mesh: %zu nodes, %zu tets, smallest dihedral angle %.1f deg\n", mesh.node_mm.size(), mesh.tets.size(),
               mesh.min_dihedral_deg);

@@ -43,6 +43,10 @@ void print_board(const Options& options, const CharucoBoard& board) {
 }
 
 void calibrate(const Options& options, const CharucoBoard& board) {
+  std::vector<fs::path> used = image_files(options.folder);
+  check_writable(options.output, used);
+  used.push_back(options.output);
+  if (!options.plot.empty()) check_writable(options.plot, used);
   std::vector<BoardView> views = read_board_views(options.folder, board, options.every);
   reject_bad_views(board, views);
   LensCalibration calibration;

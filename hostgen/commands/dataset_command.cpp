@@ -41,7 +41,7 @@ void run(const Options& options) {
   if (shard.count > options.plan.points) {
     throw InputError("command line", "--shard", options.shard, "at most one shard per point");
   }
-  check_writable(options.output, {options.spec});
+  check_writable(options.output, {spec.file, spec.surface_file});
   const std::filesystem::path resume = options.output.string() + ".paths";
   const TetMesh mesh = make_mesh(spec);
   const FemDataset dataset = make_dataset(spec, mesh, options.plan, shard, resume);
@@ -87,7 +87,7 @@ void add_merge_command(CLI::App& app) {
   command->add_option("shards", options->shards, "all files of --shard 1/n ... n/n, in any order")->required();
   command->add_option("-o,--output", options->output, "file to write (.safetensors)")->required();
   command->callback([options] {
-    for (const std::filesystem::path& shard : options->shards) check_writable(options->output, {shard});
+    check_writable(options->output, options->shards);
     const FemDataset dataset = merge_datasets(options->shards);
     write_dataset(options->output, dataset);
     print_summary(options->output, dataset);

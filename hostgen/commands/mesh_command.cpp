@@ -22,8 +22,8 @@ const std::map<std::string, MeshSize> kSizes = {{"coarse", MeshSize::kCoarse},
                                                 {"fine", MeshSize::kFine}};
 
 void run(const Options& options) {
-  check_writable(options.output, {options.spec});
   const FingerSpec spec = read_finger_spec(options.spec);
+  check_writable(options.output, {spec.file, spec.surface_file});
   const TetMesh mesh = make_mesh(spec, kSizes.at(options.size));
   write_vtu(options.output, mesh);
   std::printf("%s: %zu nodes, %zu tetrahedra, smallest dihedral angle %.2f deg\n", options.output.c_str(),

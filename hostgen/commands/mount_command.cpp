@@ -25,12 +25,14 @@ std::string mount_file(const MountEstimate& estimate, const FingerSpec& spec, in
 
 void run(const Options& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
+  check_writable(options.output, {spec.file, spec.surface_file, options.session / kSessionFrames,
+                                  options.session / kSessionInfo, options.session / kSessionTruth});
   const MountModel nominal = mount_of(spec);
   const RestingCorners seen = resting_corners(options.session, nominal);
   const Lens lens = read_session_info(options.session).lens;
   const MountEstimate estimate = estimate_mount(nominal, lens, seen, options.session.string());
   write_file_atomically(options.output, mount_file(estimate, spec, seen.frames));
-  std::printf("%s%s: for the key mount in a board file; zero the finger anew with it (command 1)\n",
+  std::printf("%s%s: for the key mount in a board file; zero the finger again with it (command 1)\n",
               mount_text(estimate).c_str(), options.output.c_str());
 }
 

@@ -295,6 +295,7 @@ FingerSpec read_finger_spec(const std::filesystem::path& file) {
   if (in_surface) {
     read_surface(table.table("surface"), source);
     bytes += read_file(source.file);
+    spec.surface_file = source.file;
   } else {
     read_shape(table.table("shape"), spec);
   }

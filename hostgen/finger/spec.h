@@ -60,7 +60,7 @@ struct PoseNoise {
 };
 
 struct FingerSpec {
-  std::filesystem::path file;
+  std::filesystem::path file, surface_file;  ///< that it was read from; no surface file for a parametric finger
   std::string name;
   std::string sha256;  ///< of the spec file's bytes, and of the surface file's after them
 

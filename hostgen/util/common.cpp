@@ -94,11 +94,11 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& wor
   if (failure) std::rethrow_exception(failure);
 }
 
-void check_writable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> read) {
-  for (const std::filesystem::path& input : read) {
+void check_writable(const std::filesystem::path& file, const std::vector<std::filesystem::path>& used) {
+  for (const std::filesystem::path& input : used) {
     std::error_code none;  // of a file that is not there
-    if (std::filesystem::equivalent(file, input, none)) {
-      throw InputError(file.string(), "is read by this command, expected another file to write");
+    if (std::filesystem::equivalent(file, input, none) || weakly_canonical(file) == weakly_canonical(input)) {
+      throw InputError(file.string(), "would replace a file that this command also uses, expected another name");
     }
   }
   if (!file.has_filename() || std::filesystem::is_directory(file)) {

@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "firmware/settings/atomic_file.h"
 
@@ -41,9 +41,9 @@ class Progress {
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& work);
 
 using finsight::write_file_atomically;
-/// Before long work: that a file can be written there, its folders too, and that it is none of those that are read.
-/// Throws std::exception if not.
-void check_writable(const std::filesystem::path& file, std::initializer_list<std::filesystem::path> read = {});
+/// Before long work: that a file can be written there, its folders too, and that it is none of those in `used`, however
+/// it is spelt or linked. Throws std::exception if not.
+void check_writable(const std::filesystem::path& file, const std::vector<std::filesystem::path>& used = {});
 /// Throws InputError if the file cannot be read.
 std::string read_file(const std::filesystem::path& file);
 

@@ -139,6 +139,33 @@ class Calibration(unittest.TestCase):
             self.assertIn("usable images: found 1 of 1, expected at least 6", answer.stderr)
             self.assertFalse((Path(folder) / "lens.toml").exists())
 
+    def test_what_is_read_is_not_written_over(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = Path(folder)
+            session, spec, images = folder / "session", folder / "spec.toml", folder / "images"
+            session.mkdir()
+            images.mkdir()
+            for name in ("frames.y4m", "session.toml"):
+                (session / name).write_bytes((SESSION / name).read_bytes())
+            spec.write_bytes(SPEC.read_bytes())
+            answer = run(BINARIES / "hostgen", "calibrate", "--print-board", images / "board.png")
+            self.assertEqual(answer.returncode, 0, answer.stderr)
+            (folder / "link.toml").symlink_to(spec)
+            (folder / "hard-link.y4m").hardlink_to(session / "frames.y4m")
+            (folder / "hard-link.png").hardlink_to(images / "board.png")
+            mount = ("mount", session, "--spec", spec, "-o")
+            calibrate = ("calibrate", images, "-o")
+            kept = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+            for words in ((*mount, spec), (*mount, folder / "link.toml"), (*mount, session / "session.toml"),
+                          (*mount, session / ".." / "session" / "frames.y4m"), (*mount, folder / "hard-link.y4m"),
+                          (*calibrate, images / "board.png"), (*calibrate, folder / "hard-link.png"),
+                          (*calibrate, folder / "lens.toml", "--plot", images / "." / "board.png"),
+                          (*calibrate, folder / "lens.toml", "--plot", folder / "." / "lens.toml")):
+                answer = run(BINARIES / "hostgen", *words)
+                self.assertEqual(answer.returncode, 2, words)
+                self.assertIn("would replace a file that this command also uses", answer.stderr, words)
+            self.assertEqual({file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}, kept)
+
     def test_usage_errors(self):
         for words, part in ((("calibrate",), "a folder of images"), (("calibrate", "/nowhere", "-o", "x"), "no folder"),
                             (("calibrate", "--print-board", "board.pdf"), ".svg or .png"),

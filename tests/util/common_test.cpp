@@ -66,7 +66,13 @@ TEST_CASE("common: whether a file can be written is known before the work, and n
   CHECK_THROWS(host::check_writable(folder / "file" / "pack"));
   host::check_writable(folder / "pack", {folder / "file", folder / "missing", ""});
   CHECK_THROWS_WITH_AS(host::check_writable(folder / "new" / ".." / "file", {folder / "missing", folder / "file"}),
-                       doctest::Contains("is read by this command"), InputError);
+                       doctest::Contains("would replace a file that this command also uses"), InputError);
+  std::filesystem::create_symlink(folder / "file", folder / "symbolic");
+  std::filesystem::create_hard_link(folder / "file", folder / "hard");
+  CHECK_THROWS_AS(host::check_writable(folder / "none", {folder / "new" / ".." / "none"}), InputError);
+  for (const char* name : {"symbolic", "hard"}) {
+    CHECK_THROWS_AS(host::check_writable(folder / name, {folder / "missing", folder / "file"}), InputError);
+  }
 }
 
 TEST_CASE("common: a file that cannot be read is bad input") {
