@@ -225,6 +225,14 @@ class BadInput(unittest.TestCase):
         self.assertEqual(answer.returncode, 1)
         self.assertIn(str(port), answer.stderr)
 
+    def test_wrong_options_are_named(self):
+        for words, named in ((("--settings", "board.toml", "--sefe-outputs"), "--sefe-outputs"),
+                             (("--check", "--settings"), "--settings: needs a value"),
+                             (("--check",), "--settings: is missing")):
+            answer = run(BINARIES / "finsightd", *words)
+            self.assertEqual(answer.returncode, 2)
+            self.assertIn(named, answer.stderr)
+
     def test_unknown_settings_name_their_line(self):
         with tempfile.TemporaryDirectory() as folder:
             settings = Path(folder) / "board.toml"

@@ -191,22 +191,42 @@ const ModbusRTU = require('modbus-serial');
 
 
 class SavedSettings(unittest.TestCase):
+    def wait_for_fault(self, reader, code):
+        deadline = time.monotonic() + 20
+        while reader.read().at("fault") != code and time.monotonic() < deadline:
+            time.sleep(0.02)
+        self.assertEqual(reader.read().at("fault"), code)
+
     def test_a_damaged_file_means_factory_settings_and_a_fault_until_it_is_cleared(self):
         with tempfile.TemporaryDirectory() as folder:
             Path(folder, "settings.toml").write_text("version = 1\n[settings]\n")
             with firmware(folder) as started:
                 reader = Reader(started.port)
-                deadline = time.monotonic() + 20
-                refused = VALUES["fault"]["saved_settings_refused"]
-                while reader.read().at("fault") != refused and time.monotonic() < deadline:
-                    time.sleep(0.02)
-                self.assertEqual(reader.read().at("fault"), refused)
+                self.wait_for_fault(reader, VALUES["fault"]["saved_settings_refused"])
                 self.assertEqual(ctl(started.port, "do", "clear").stdout, "done\n")
-                while reader.read().at("fault") != 0 and time.monotonic() < deadline:
-                    time.sleep(0.02)
-                self.assertEqual(reader.read().at("fault"), 0)
+                self.wait_for_fault(reader, 0)
                 reader.close()
             self.assertIn("settings.toml:2", started.errors)
+
+    def test_a_zero_of_another_model_is_refused_with_a_fault_and_the_settings_are_used(self):
+        with tempfile.TemporaryDirectory() as folder:
+            with firmware(folder) as started:
+                Reader(started.port).close()
+                self.assertEqual(ctl(started.port, "set", "hold_time=77").returncode, 0)
+                self.assertEqual(ctl(started.port, "do", "save").stdout, "done\n")
+            saved = Path(folder, "settings.toml")
+            pose = "position_mm = [0, 0, 0]\nturn_deg = [0, 0, 0]\n"
+            plates = ("top", "middle", "low")
+            zero = "set = true\n" + "".join(f"{plate} = [0.1, 0, 0, 0, 0, 0]\n" for plate in plates)
+            mount = "".join(f"[zero.mount.{name}]\n{pose}" for name in ("camera", *plates))
+            saved.write_text(saved.read_text().replace("set = false\n", f'{zero}model = "01234567"\n{mount}'))
+            with firmware(folder) as started:
+                reader = Reader(started.port)
+                self.wait_for_fault(reader, VALUES["fault"]["saved_settings_refused"])
+                self.assertFalse(reader.read().has("zeroed"))
+                self.assertIn("hold_time              77 ms", ctl(started.port, "show").stdout)
+                reader.close()
+            self.assertIn("was measured with model 01234567", started.errors)
 
 
 if __name__ == "__main__":
