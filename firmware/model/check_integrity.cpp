@@ -1,4 +1,4 @@
-// Checksums: one flipped bit anywhere in a pack is found before any of its numbers is believed.
+// Checksums: a flipped bit anywhere in a pack is found before any of its numbers is used.
 #include <array>
 #include <cstring>
 

@@ -12,16 +12,16 @@ namespace {
 using Indices = std::span<const std::int32_t>;
 using Block = std::pair<std::int32_t, std::int32_t>;  // column, row; both elimination positions
 
-// Sum of all frontal matrices in scalars (256 MiB of floats), about ten times that of a mesh of 15,000 tets.
+// Total size of all frontal matrices (256 MiB of floats), about ten times that of a mesh of 15,000 tets.
 constexpr std::int64_t kMaxFrontScalars = std::int64_t{1} << 26;
 
 Indices slice(Indices items, Indices starts, std::size_t i) {
   return items.subspan(static_cast<std::size_t>(starts[i]), static_cast<std::size_t>(starts[i + 1] - starts[i]));
 }
 
-/// A list of first indices: from 0 up to `total`, in steps of at least `smallest`.
-void check_starts(const SafetensorsFile& file, const char* name, Indices starts, std::size_t total, int smallest) {
-  const auto step_is_wrong = [&](std::int64_t a, std::int64_t b) { return b - a < smallest; };
+/// `starts` must rise from 0 to `total` in steps of at least `min_step`.
+void check_starts(const SafetensorsFile& file, const char* name, Indices starts, std::size_t total, int min_step) {
+  const auto step_is_wrong = [&](std::int64_t a, std::int64_t b) { return b - a < min_step; };
   const auto wrong = std::adjacent_find(starts.begin(), starts.end(), step_is_wrong);
   if (wrong != starts.end()) {
     file.refuse(name, std::to_string(wrong[0]) + " before " + std::to_string(wrong[1]), "ascending indices");
@@ -65,7 +65,7 @@ std::vector<Block> couplings(const ShapeModel& shape, const std::vector<std::int
   return blocks;
 }
 
-/// The pattern is compared whole with the couplings: that also checks its order, its diagonal and its range.
+/// Compares the whole pattern with the couplings, which also checks its order, its diagonal and its range.
 void check_pattern(const SafetensorsFile& file, const ShapeModel& shape, const std::vector<std::int32_t>& position) {
   const CholeskyPlan& plan = shape.cholesky;
   check_starts(file, tensor::kPatternStart, plan.pattern_start, plan.pattern_row.size(), 1);
@@ -86,7 +86,8 @@ void check_pattern(const SafetensorsFile& file, const ShapeModel& shape, const s
               text(e == expected.end(), e == expected.end() ? Block() : *e) + ", as the tets couple the nodes");
 }
 
-/// Rows of each supernode: ascending, below its columns, inside the matrix; and fronts of a size that fits a board.
+/// Rows of each supernode: ascending, below its columns, inside the matrix; and fronts small enough for a board's
+/// memory.
 void check_rows(const SafetensorsFile& file, const CholeskyPlan& plan) {
   std::int64_t scalars = 0;
   for (std::size_t s = 0; s + 1 < plan.supernode_start.size(); ++s) {
@@ -100,12 +101,13 @@ void check_rows(const SafetensorsFile& file, const CholeskyPlan& plan) {
     const std::int64_t front = 3 * (end - first + static_cast<std::int64_t>(rows.size()));
     scalars += front * front;
     if (scalars > kMaxFrontScalars) {
-      file.refuse(tensor::kRows, "a factor of over " + std::to_string(kMaxFrontScalars) + " numbers", "a smaller one");
+      file.refuse(tensor::kRows, "a factor of over " + std::to_string(kMaxFrontScalars) + " numbers",
+                  "a smaller factor");
     }
   }
 }
 
-/// The factor's structure is closed: what column j couples, and what eliminating supernode s fills in, has its place.
+/// The factor's structure is closed: it has a place for every coupling of a column and for all fill-in.
 void check_closed(const SafetensorsFile& file, const CholeskyPlan& plan) {
   std::vector<std::size_t> supernode_of(static_cast<std::size_t>(plan.blocks));
   for (std::size_t s = 0; s + 1 < plan.supernode_start.size(); ++s) {

@@ -1,4 +1,4 @@
-// Values that the stages rely on without looking: mesh, mount, prior, self-test.
+// Values that the stages rely on without checking: mesh, mount, prior, self-test.
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <functional>
@@ -10,11 +10,11 @@ namespace finsight {
 
 namespace {
 
-constexpr float kReach_mm = 1000;                        // every coordinate of a finger and its camera
-constexpr float kLargestMotion_mm = 200;                 // of a plate in the self-test
-constexpr double kSmallestTetMm3 = 1e-6;                 // a flatter one has no inverse that means anything in float
-constexpr float kMinNoise = 1e-9f, kLargestNoise = 100;  // mm or rad
-constexpr int kMarkerIds = 50;                           // DICT_4X4_50
+constexpr float kReach_mm = 1000;                    // every coordinate of a finger and its camera
+constexpr float kLargestMotion_mm = 200;             // of a plate in the self-test
+constexpr double kSmallestTetMm3 = 1e-6;             // the inverse of a flatter one is meaningless in float
+constexpr float kMinNoise = 1e-9f, kMaxNoise = 100;  // mm or rad
+constexpr int kMarkerIds = 50;                       // DICT_4X4_50
 constexpr std::uint8_t kLastKind = 1 + kPlates;
 
 void check_tets(const SafetensorsFile& file, const ShapeModel& shape) {
@@ -107,7 +107,7 @@ void check_prior(const SafetensorsFile& file, const PlatePrior& prior) {
     file.refuse(tensor::kPriorCovariance, "a matrix that is not positive definite",
                 "a symmetric positive definite one");
   }
-  check_range(file, tensor::kPriorNoise, prior.noise, kMinNoise, kLargestNoise);
+  check_range(file, tensor::kPriorNoise, prior.noise, kMinNoise, kMaxNoise);
 }
 
 void check_self_test_values(const SafetensorsFile& file, const SelfTestModel& self_test) {

@@ -1,4 +1,4 @@
-// What Model::open checks beyond types and shapes of the tensors, one function per part. All throw InputError naming
+// The checks of Model::open beyond types and shapes of the tensors, one function per part. All throw InputError naming
 // the tensor or the key of the metadata, what was found and what was expected. Only for this folder.
 #pragma once
 

@@ -11,14 +11,14 @@ namespace finsight {
 
 namespace {
 
-// Far above any finger that a small board solves at 60 frames/s; they bound the memory that a pack can ask for.
+// Far above any finger that a small board can solve at 60 frames/s; they bound the memory that a pack can claim.
 constexpr std::int64_t kMaxNodes = 50'000, kMaxTets = 200'000, kMaxRank = 64, kMaxWidth = 4096, kMaxKnots = 64;
 constexpr std::int64_t kMaxSelfTests = 64;
 
 constexpr float kSmallestScale = 1e-9f, kLargestScale = 1e9f;
-constexpr float kLargestKnot = 1000;  // of the radius curve: mm, or a power
+constexpr float kLargestKnot = 1000;  // of the radius curve: mm, or an exponent
 
-/// Reads tensors and metadata, and knows at the end which tensors nobody asked for.
+/// Reads tensors and metadata, and refuses tensors that were never asked for.
 class PackReader {
  public:
   explicit PackReader(const SafetensorsFile& file) : file_(file) {}
@@ -29,7 +29,7 @@ class PackReader {
     return file_.tensor<T>(name, shape);
   }
 
-  /// One length of a tensor's shape, within limits, for the tensors whose size is the pack's own choice.
+  /// One length of a tensor's shape, within limits, for tensors whose size a pack may choose.
   std::int64_t length(const char* name, std::size_t dimension, std::int64_t lowest, std::int64_t highest) const {
     const std::vector<std::int64_t> shape = file_.shape(name);
     const std::int64_t found = dimension < shape.size() ? shape[dimension] : -1;
@@ -99,7 +99,7 @@ CholeskyPlan read_plan(PackReader& pack, std::int64_t blocks) {
   return plan;
 }
 
-/// `free_index` gets the number of every free node and -1 for the others.
+/// Fills `free_index` with the index of every free node and -1 for the others.
 ShapeModel read_shape(PackReader& pack, std::vector<std::int32_t>& free_index) {
   const auto nodes = pack.number<std::int64_t>(meta::kNodes, 4, kMaxNodes);
   const auto tets = pack.number<std::int64_t>(meta::kTetCount, 1, kMaxTets);
@@ -129,7 +129,7 @@ ShapeMapModel read_shape_map(PackReader& pack, const tensor::MapNames& names, st
   return map;
 }
 
-/// Packs of before there was one have none. Any part of it makes the others needed.
+/// Older packs have none. If any of its tensors is there, all must be.
 bool has_contact_map(const SafetensorsFile& file) {
   const char* const parts[] = {tensor::kContactMap.scale, tensor::kContactMap.weights, tensor::kContactMap.basis,
                                tensor::kSelfTestContactShape, tensor::kSelfTestContactRegisters};
@@ -170,7 +170,7 @@ Eigen::Isometry3f read_rigid(const SafetensorsFile& file, const char* name, std:
   const bool orthonormal = (R.transpose() * R - Eigen::Matrix3f::Identity()).cwiseAbs().maxCoeff() < kRigidTolerance;
   const bool last_row = T.row(3) == Eigen::RowVector4f(0, 0, 0, 1);
   if (!orthonormal || R.determinant() < 0 || !last_row) {
-    file.refuse(name, "a matrix that is no rigid motion", "rotation and translation with last row 0 0 0 1");
+    file.refuse(name, "a matrix that is not a rigid motion", "rotation and translation with last row 0 0 0 1");
   }
   if (T.col(3).head<3>().norm() > kReach_mm) file.refuse(name, "a translation over 1 m", "millimetres within a finger");
   return Eigen::Isometry3f(T);
@@ -189,7 +189,7 @@ MountModel read_mount(PackReader& pack, const SafetensorsFile& file) {
   return mount;
 }
 
-SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool is_with_contact_map) {
+SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool with_contact_map) {
   const std::int64_t cases = pack.length(tensor::kSelfTestPoses, 0, 1, kMaxSelfTests);
   SelfTestModel self_test;
   self_test.cases = static_cast<int>(cases);
@@ -197,7 +197,7 @@ SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool is_with_
   self_test.shape_mm = pack.tensor<float>(tensor::kSelfTestShape, {cases, 3 * nodes});
   self_test.touch = pack.tensor<float>(tensor::kSelfTestTouch, {cases, 7});
   self_test.registers = pack.tensor<std::uint16_t>(tensor::kSelfTestRegisters, {cases, kMeasurementRegisters});
-  if (is_with_contact_map) {
+  if (with_contact_map) {
     self_test.contact_shape_mm = pack.tensor<float>(tensor::kSelfTestContactShape, {cases, 3 * nodes});
     self_test.contact_registers =
         pack.tensor<std::uint16_t>(tensor::kSelfTestContactRegisters, {cases, kMeasurementRegisters});
@@ -205,7 +205,7 @@ SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool is_with_
   return self_test;
 }
 
-/// Motions ascend; factors and exponents are such that a radius stays one.
+/// Plate motions must rise; logarithms of factors and exponents must be within bounds.
 void check_radius_curve(const SafetensorsFile& file, std::span<const float> curve) {
   check_range(file, tensor::kTouchRadiusCurve, curve, -kLargestKnot, kLargestKnot);
   for (std::size_t i = 3; i < curve.size(); i += 3) {
@@ -239,7 +239,7 @@ Model Model::open(const std::filesystem::path& path) {
   const SafetensorsFile& file = model.file_;
   model.checksum = check_integrity(file);
 
-  // Types, shapes and agreement of sizes: after this every span has the length that its comment promises.
+  // Types, shapes and sizes: after this every span has the length that its comment states.
   PackReader pack(file);
   model.finger_name = pack.name(meta::kFinger);
   model.spec_sha256 = pack.sha256(meta::kSpecSha256);
@@ -247,17 +247,17 @@ Model Model::open(const std::filesystem::path& path) {
   model.rated_deformation_mm = pack.number<float>(meta::kRatedDeformation, 0.1f, 200);
   model.shape = read_shape(pack, model.free_index_);
   model.shape_map = read_shape_map(pack, tensor::kShapeMap, model.shape.nodes);
-  const bool is_with_contact_map = has_contact_map(file);
-  if (is_with_contact_map) model.contact_map = read_shape_map(pack, tensor::kContactMap, model.shape.nodes);
+  const bool with_contact_map = has_contact_map(file);
+  if (with_contact_map) model.contact_map = read_shape_map(pack, tensor::kContactMap, model.shape.nodes);
   model.touch = read_touch(pack);
   model.prior.mean = pack.tensor<float>(tensor::kPriorMean, {kPoseDims});
   model.prior.covariance = pack.tensor<float>(tensor::kPriorCovariance, {kPoseDims, kPoseDims});
   model.prior.noise = pack.tensor<float>(tensor::kPriorNoise, {kPoseDims});
   model.mount = read_mount(pack, file);
-  model.self_test = read_self_test(pack, model.shape.nodes, is_with_contact_map);
+  model.self_test = read_self_test(pack, model.shape.nodes, with_contact_map);
   pack.finish();
 
-  // Values: what the stages rely on without looking.
+  // Values that the stages rely on without checking.
   check_mesh(file, model.shape);
   check_plan(file, model.shape);
   check_scales(file, model);

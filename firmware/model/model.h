@@ -16,15 +16,15 @@
 namespace finsight {
 
 /// Order and layout of the factorisation of the shape solver's Hessian, in 3x3 blocks (one per free node), computed
-/// once by hostgen from the mesh alone. Column j of the pattern and of L means elimination position j.
+/// once by hostgen from the mesh alone. Columns and rows of the pattern and of L are elimination positions.
 struct CholeskyPlan {
   int blocks = 0;                                 ///< free nodes
   std::span<const std::int32_t> order;            ///< [blocks] free node eliminated at each position
-  std::span<const std::int32_t> pattern_start;    ///< [blocks + 1] lower pattern of the Hessian by block column ...
-  std::span<const std::int32_t> pattern_row;      ///< ... rows ascending, the diagonal first
+  std::span<const std::int32_t> pattern_start;    ///< [blocks + 1] where each column of pattern_row starts
+  std::span<const std::int32_t> pattern_row;      ///< lower rows of each column, ascending, the diagonal first
   std::span<const std::int32_t> supernode_start;  ///< [supernodes + 1] first column of each supernode
-  std::span<const std::int32_t> rows_start;       ///< [supernodes + 1] rows below each supernode's diagonal block ...
-  std::span<const std::int32_t> rows;             ///< ... as elimination positions, ascending
+  std::span<const std::int32_t> rows_start;       ///< [supernodes + 1] where each supernode's part of rows starts
+  std::span<const std::int32_t> rows;             ///< rows below each supernode's diagonal block, ascending
 };
 
 /// The mesh and energy of the shape solver (symmetric Dirichlet, uniform sum over tets; paper, section 2.2).
@@ -39,12 +39,11 @@ struct ShapeModel {
 };
 
 /// Regression from plate motions to a shape: x = rest + basis^T (weights * features(plates)), 20 microseconds.
-/// Features: 1, the 18 scaled numbers, their 171 products. Answers all nodes of the shape model.
+/// Features: 1, the 18 scaled numbers, their 171 products. Gives the position of every node of the shape model.
 struct ShapeMapModel {
   static constexpr int kFeatures = 1 + kPoseDims + kPoseDims * (kPoseDims + 1) / 2;
   int rank = 0;
-  std::span<const float>
-      scale;  ///< [18] multiplies the plate numbers (displacement xyz, rotation xyz; top, middle, low)
+  std::span<const float> scale;    ///< [kPoseDims] multiplies the PoseVector
   std::span<const float> weights;  ///< [rank, kFeatures]
   std::span<const float> basis;    ///< [rank, 3 * nodes]
   explicit operator bool() const { return rank > 0; }
@@ -63,7 +62,7 @@ struct DenseInt8 {
 struct TouchModel {
   static constexpr int kInputs = kPoseDims + 1 + kPlates;  // direction, size, noise
   static constexpr int kOutputs = 11;
-  std::span<const float> scale;         ///< [18] mm or mm per rad, before taking the direction
+  std::span<const float> scale;         ///< [kPoseDims] mm or mm per rad, before taking the direction
   std::span<const float> input_mean;    ///< [kInputs]
   std::span<const float> input_scale;   ///< [kInputs] multiplies (input - mean)
   std::span<const float> output_mean;   ///< [kOutputs]
@@ -73,15 +72,15 @@ struct TouchModel {
   std::span<const float> radius_curve;
   std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 256 -> 11, ReLU between
   float threshold_mm = 0;           ///< plate motion below which a touch is invalid
-  float range_mm = 0;               ///< plate motion beyond which nothing was trained: over-range, no touch
+  float range_mm = 0;               ///< plate motion beyond any trained touch: over range, no touch
 };
 
-/// Gaussian over the 18 plate numbers of touched fingers: picks between two poses of a marker and completes plates that
-/// are not seen.
+/// Gaussian over the pose vectors of touched fingers: decides between the two poses of a marker and completes plates
+/// that are not seen.
 struct PlatePrior {
-  std::span<const float> mean;        ///< [18]
-  std::span<const float> covariance;  ///< [18, 18] symmetric positive definite
-  std::span<const float> noise;       ///< [18] positive: standard deviation of a measured number, for noise of size 1
+  std::span<const float> mean;        ///< [kPoseDims]
+  std::span<const float> covariance;  ///< [kPoseDims, kPoseDims] symmetric positive definite
+  std::span<const float> noise;  ///< [kPoseDims] positive: standard deviation of a measured number, for noise of size 1
 };
 
 /// Where markers and camera are when nothing touches the finger.
@@ -92,14 +91,14 @@ struct MountModel {
   float marker_size_mm = 0;
 };
 
-/// What the pack's author expects every build of the firmware to answer.
+/// Poses with the answers that every build of the firmware must give.
 struct SelfTestModel {
   int cases = 0;
-  std::span<const float> poses;              ///< [cases, 18]
+  std::span<const float> poses;              ///< [cases, kPoseDims]
   std::span<const float> shape_mm;           ///< [cases, 3 * nodes] positions after the fixed schedule, from rest
   std::span<const float> touch;              ///< [cases, 7] point, contact, force
   std::span<const std::uint16_t> registers;  ///< [cases, kMeasurementRegisters]
-  /// The same of the tier that answers by the contact map; empty in a pack without one.
+  /// The same for the contact tier; empty in a pack without a contact map.
   std::span<const float> contact_shape_mm;
   std::span<const std::uint16_t> contact_registers;
 };
@@ -116,8 +115,8 @@ class Model {
   MountModel mount;
   PlatePrior prior;
   ShapeModel shape;
-  ShapeMapModel shape_map;    ///< to the solver's shapes
-  ShapeMapModel contact_map;  ///< to the finite elements' shapes of touched fingers; older packs have none: rank 0
+  ShapeMapModel shape_map;    ///< to the shapes of the solver
+  ShapeMapModel contact_map;  ///< to the finite-element shapes of touched fingers; rank 0 in older packs
   TouchModel touch;
   SelfTestModel self_test;
   const SafetensorsFile& file() const { return file_; }
@@ -140,7 +139,7 @@ inline constexpr const char* kPatternRow = "cholesky.pattern_row";
 inline constexpr const char* kSupernodeStart = "cholesky.supernode_start";
 inline constexpr const char* kRowsStart = "cholesky.rows_start";
 inline constexpr const char* kRows = "cholesky.rows";
-/// Of a shape map.
+/// The tensors of a shape map.
 struct MapNames {
   const char *scale, *weights, *basis;
 };
@@ -187,18 +186,18 @@ inline constexpr const char* kTensorCrc = "crc32.";   // + tensor name: CRC-32 o
 inline constexpr const char* kChecksum = "checksum";  // header_checksum(), 8 hexadecimal digits
 }  // namespace meta
 
-/// CRC-32 (IEEE 802.3). `seed`: the result for the bytes before these.
+/// CRC-32 (IEEE 802.3). `seed`: the result for the preceding bytes.
 std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t seed = 0);
-/// 8 lower-case hexadecimal digits, as checksums stand in the metadata.
+/// A checksum as it is written in the metadata: 8 lower-case hexadecimal digits.
 std::string checksum_text(std::uint32_t checksum);
 /// CRC-32 of a pack's JSON header (a multiple of 8 bytes, padding included) with the eight digits of
-/// "checksum":"........" taken as zeros. The header holds the CRC-32 of every tensor, so that this number stands for
-/// the whole pack. 0 if the header has no such text.
+/// "checksum":"........" taken as zeros. The header holds the CRC-32 of every tensor, so this number covers the
+/// whole pack. 0 if the header has no such text.
 std::uint32_t header_checksum(std::string_view header);
 
-/// The 18 numbers of a PlatePoses in the order of every tensor: per plate displacement x y z, rotation x y z.
+/// The motions of all plates as a PoseVector, which is also the order in every tensor.
 PoseVector pose_vector(const PlatePoses& poses);
-/// Back again, all plates seen and fresh. numbers: [18].
+/// The inverse: all plates seen and fresh. numbers: [kPoseDims]
 PlatePoses seen_poses(std::span<const float> numbers);
 
 }  // namespace finsight

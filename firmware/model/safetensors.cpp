@@ -19,14 +19,14 @@
 
 namespace finsight {
 
-static_assert(std::endian::native == std::endian::little, "tensors are used where they lie in the file");
+static_assert(std::endian::native == std::endian::little, "tensors are used in place");
 
 namespace {
 
 using nlohmann::json;
 
 constexpr std::size_t kLengthBytes = 8;                     // the header's length, little-endian
-constexpr std::size_t kHeaderLimit = std::size_t{1} << 20;  // ours: some hundred tensors fit; safetensors allows 100 MB
+constexpr std::size_t kHeaderLimit = std::size_t{1} << 20;  // some hundred tensors; safetensors allows 100 MB
 constexpr std::size_t kNameLimit = 128, kRankLimit = 8;     // keep messages on one line
 constexpr int kDepthLimit = 4;                              // header, tensor, its shape; one to spare
 constexpr const char* kMetadata = "__metadata__";
@@ -55,7 +55,7 @@ struct Tensor {
   std::size_t begin = 0, end = 0;  // bytes, counted from the end of the header
 };
 
-/// A file's bytes, mapped for reading as long as this lives.
+/// A file's bytes, mapped for reading for as long as this lives.
 struct Mapping {
   const std::byte* data = nullptr;
   std::size_t size = 0;
@@ -107,8 +107,8 @@ bool is_plain_name(const std::string& name) {
   return !name.empty() && name.size() <= kNameLimit && std::all_of(name.begin(), name.end(), printable);
 }
 
-/// Parses the header's text. The JSON library keeps the last of two equal keys; two readers may then see two different
-/// files, so that equal keys are refused here, while parsing.
+/// Parses the header's text. The JSON library keeps the last of two equal keys and others may keep the first, so
+/// equal keys are refused here, while parsing.
 json parse_header(const std::string& path, std::string_view text) {
   std::vector<std::set<std::string>> open_objects;
   std::string duplicate;
@@ -202,7 +202,7 @@ struct SafetensorsFile::Contents {
   Mapping file;
   std::span<const std::byte> data;  // what follows the header
   std::map<std::string, Tensor> tensors;
-  std::vector<std::string> order;  // names by place in the file
+  std::vector<std::string> order;  // names in file order
   std::map<std::string, std::string> metadata;
 
   [[noreturn]] void refuse(const std::string& name, const std::string& found, const std::string& expected) const {
@@ -255,7 +255,7 @@ void SafetensorsFile::Contents::read_metadata(const json& header) {
   }
 }
 
-/// The tensors, taken by place, must follow each other from the first byte of the data to the last.
+/// In file order the tensors must cover the data without gap or overlap.
 void SafetensorsFile::Contents::check_tiling() {
   for (const auto& [name, tensor] : tensors) order.push_back(name);
   std::stable_sort(order.begin(), order.end(), [&](const std::string& a, const std::string& b) {

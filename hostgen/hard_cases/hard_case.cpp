@@ -53,14 +53,14 @@ void examine(const ShapeParts& parts, const FingerShape& shape, HardCaseResult& 
   result.non_finite += !is_finite(shape);
   result.inverted += inverted;
   result.inverted_unflagged += inverted && !flagged;
-  result.most_steps = std::max(result.most_steps, shape.iterations);
+  result.max_steps = std::max(result.max_steps, shape.iterations);
   result.end_flagged = flagged;
 }
 
 // Every sixteenth frame is compared with the truth, and the last.
 HardCaseResult run_hard_case(const ShapeParts& parts, const HardCase& hard_case) {
   HardCaseResult result{.name = hard_case.name};
-  result.allowed_steps = most_steps(hard_case.settings);
+  result.allowed_steps = max_steps(hard_case.settings);
   result.allowed_mm = hard_case.allowed_mm;
   result.allowed_end_mm = hard_case.allowed_end_mm;
   result.may_end_flagged = hard_case.may_end_flagged;

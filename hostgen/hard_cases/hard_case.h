@@ -1,4 +1,4 @@
-// One hard case: a motion, what may come out of the shape stage for it, and the run that finds out what does.
+// One hard case: a motion, the limits for the shape stage's answer, and the run that measures it.
 #pragma once
 
 #include <algorithm>
@@ -16,25 +16,25 @@ namespace finsight::host {
 struct HardCase {
   std::string name;
   HardMotion motion;
-  double allowed_mm = 0.1;       ///< while it moves
-  double allowed_end_mm = 0.02;  ///< in the last frame; the motion stops some frames before
-  bool may_end_flagged = false;  ///< the pose at the end is one that no shape without inverted elements has
-  double unit_mm = 1;            ///< the motion is multiplied by it, the distances are divided: a finger in other units
+  double allowed_mm = 0.1;       ///< error while it moves
+  double allowed_end_mm = 0.02;  ///< error in the last frame; the motion stops some frames before
+  bool may_end_flagged = false;  ///< the last pose is one that only shapes with inverted elements can have
+  double unit_mm = 1;            ///< for a finger in other units: scales the motion, and distances back to mm
   ShapeSettings settings{};
 };
 
-/// The largest number of steps that the stage may take for a frame.
-constexpr int most_steps(const ShapeSettings& settings) {
+/// The largest number of solver steps that the stage may take in a frame.
+constexpr int max_steps(const ShapeSettings& settings) {
   return 2 * std::max(settings.factorisations, NewtonSolver<float>::kMaxFactorisations) * (1 + settings.chord_steps);
 }
 
-/// Finds the shape that a frame should have come out with.
+/// Finds the shape that the stage should have answered.
 class HardCaseTruth {
  public:
   HardCaseTruth(const ShapeParts& parts, double unit_mm);
 
-  /// Distance of a shape, in units, to the better of the minima found from rest and from the shape itself; nothing if
-  /// neither is found.
+  /// Distance of a shape, in units of the case, to the lower of the minima found from rest and from the shape itself;
+  /// nothing if neither solve converges.
   std::optional<double> distance(const PlatePoses& poses, std::span<const float> node_mm);
 
  private:
@@ -42,7 +42,7 @@ class HardCaseTruth {
   double unit_mm_;
 };
 
-/// Counts a frame's shape into a result.
+/// Adds a frame's shape to a result.
 void examine(const ShapeParts& parts, const FingerShape& shape, HardCaseResult& result);
 
 HardCaseResult run_hard_case(const ShapeParts& parts, const HardCase& hard_case);

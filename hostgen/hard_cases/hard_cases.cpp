@@ -53,7 +53,7 @@ void add_jumps(const MountModel& mount, std::vector<HardCase>& cases) {
   cases.push_back({"jump to the extreme, which stays", HardMotion(mount).go(far, 1).hold(20), kNoLimit});
 }
 
-// Every one is reached both in one frame and slowly, held, and left again the same way.
+// Each is reached in one frame and slowly, held, and left in the same way.
 void add_impossible(const MountModel& mount, std::vector<HardCase>& cases) {
   const PlatePoses rest = HardMotion(mount).poses({});
   const auto centre_y = [&](Plate plate) { return mount.T_finger_marker[plate].translation().y(); };
@@ -152,11 +152,11 @@ std::vector<HardCaseResult> run_hard_cases(const ShapeParts& parts, int walk_fra
   return results;
 }
 
-// A bend and twist that wander within the finger's range at up to its speed, with the camera's noise. A thousand frames
-// apart the shape is compared with the truth, so that a drift or a wrong minimum that lasts is seen.
+// Bend and twist wander within the finger's range and speed, with the camera's noise. Every thousandth frame is
+// compared with the truth, which reveals drift and a wrong minimum that lasts.
 HardCaseResult run_random_walk(const ShapeParts& parts, int frames) {
   HardCaseResult result{.name = "random walk of " + std::to_string(frames) + " frames"};
-  result.allowed_steps = most_steps({});
+  result.allowed_steps = max_steps({});
   result.allowed_mm = result.allowed_end_mm = 0.1;
   ShapeStage stage(parts, {});
   HardCaseTruth truth(parts, 1);

@@ -1,4 +1,4 @@
-// Hard cases of another kind than a motion of the plates: other meshes, other units, other solvers.
+// Hard cases other than plate motions: other meshes, units and solvers.
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
@@ -43,7 +43,7 @@ Points points_of(const ShapeModel& shape, const std::vector<float>& node_mm, int
 double volume(const Points& x) { return (x.col(1) - x.col(0)).cross(x.col(2) - x.col(0)).dot(x.col(3) - x.col(0)); }
 
 // Rest positions with some slivers: in tetrahedra all over the mesh a free node is moved towards the opposite face
-// until the smallest dihedral angle is the wanted one; where that would invert or flatten a neighbour the node stays.
+// until the smallest dihedral angle has the wanted value, unless that would invert or flatten a neighbour.
 std::vector<float> with_slivers(const ShapeModel& shape, double dihedral_deg, int& slivers) {
   std::vector<float> node_mm(shape.rest_mm.begin(), shape.rest_mm.end());
   std::vector<std::vector<int>> tets_of(static_cast<std::size_t>(shape.nodes));
@@ -57,7 +57,7 @@ std::vector<float> with_slivers(const ShapeModel& shape, double dihedral_deg, in
         continue;
       const Points x = points_of(shape, node_mm, t);
       const Eigen::Vector3d face = (x.col((a + 1) % 4) + x.col((a + 2) % 4) + x.col((a + 3) % 4)) / 3;
-      double low = 0, high = 1;  // the part of the way to the middle of the face
+      double low = 0, high = 1;  // fraction of the path to the face's centroid
       for (int k = 0; k < 40; ++k) {
         const double part = (low + high) / 2;
         Points moved = x;
@@ -134,7 +134,7 @@ void run_tiers(const ShapeParts& parts, std::vector<HardCaseResult>& results) {
 // The shape of a bent finger with one node pushed through the opposite face of a tetrahedron.
 void run_inverted_start(const ShapeParts& parts, std::vector<HardCaseResult>& results) {
   HardCaseResult result{.name = "an inverted start"};
-  result.allowed_steps = most_steps({});
+  result.allowed_steps = max_steps({});
   result.allowed_mm = result.allowed_end_mm = 0.05;
   const PlatePoses poses = HardMotion(parts.mount).poses({10, 0, 15});
   NewtonSolver<float> solver(parts.shape, parts.mount);
@@ -158,7 +158,7 @@ void run_inverted_start(const ShapeParts& parts, std::vector<HardCaseResult>& re
 
 void run_float_against_double(const ShapeParts& parts, std::vector<HardCaseResult>& results) {
   HardCaseResult result{.name = "float against double"};
-  result.allowed_steps = most_steps({});
+  result.allowed_steps = max_steps({});
   result.allowed_mm = result.allowed_end_mm = 1e-3;
   NewtonSolver<float> single(parts.shape, parts.mount);
   NewtonSolver<double> reference(parts.shape, parts.mount);
@@ -175,7 +175,7 @@ void run_float_against_double(const ShapeParts& parts, std::vector<HardCaseResul
   results.push_back(result);
 }
 
-// Soft handles: the stiffer the springs, the nearer the shape to that with the plates moved exactly.
+// Soft handles: the stiffer the springs, the closer the shape to that with the plates moved exactly.
 void run_soft_handles(const ShapeParts& parts, std::vector<HardCaseResult>& results) {
   const ShapeModelData soft_model = make_soft_shape_model(parts.shape);
   const HardMotion motion = HardMotion(parts.mount).bend({30, 0, 45}, 4).hold(2);

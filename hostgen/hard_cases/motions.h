@@ -21,13 +21,13 @@ PlatePoses bent_plates(const MountModel& mount, double bend_mm, double sideways_
 PlateMotionPath bend_and_return(const MountModel& mount, const std::string& name, double bend_mm, double sideways_mm,
                                 double twist_rad, double speed);
 
-/// What the report measures the shape solver with: a calm bend, the hard one, the hard one four times as fast, a noisy
-/// one.
+/// The report's motions: a calm bend, a hard one, the hard one four times as fast, a noisy one.
 std::vector<PlateMotionPath> report_motions(const MountModel& mount);
 
 using Shapes = std::vector<std::vector<double>>;  ///< of every frame, [3 * nodes] in mm
 
-/// The converged shapes of a motion, each from the last. Throws std::runtime_error where there is none.
+/// The converged shapes of a motion, each solved from the one before. Throws std::runtime_error if a frame does not
+/// converge.
 Shapes converged_shapes(const ShapeModel& model, const MountModel& mount, const PlateMotionPath& motion);
 
 }  // namespace finsight::host

@@ -1,4 +1,4 @@
-// How far two shapes of the same mesh are apart.
+// Distance between two shapes of the same mesh.
 #pragma once
 
 #include <algorithm>

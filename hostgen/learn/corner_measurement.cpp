@@ -10,7 +10,7 @@ namespace finsight::host {
 namespace {
 
 constexpr double kMinScatter_px = 0.01, kMaxScatter_px = 0.4;
-constexpr int kSteps = 2;  // the start is the truth, which is near
+constexpr int kSteps = 2;  // few are enough: they start at the true motion
 
 }  // namespace
 

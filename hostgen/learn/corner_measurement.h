@@ -1,4 +1,4 @@
-// Plate motions as the firmware makes them of an image: noisy corners, then the joint estimate.
+// Plate motions as the firmware measures them from an image: noisy corners, then the joint estimate.
 #pragma once
 
 #include <array>
@@ -10,18 +10,17 @@
 
 namespace finsight::host {
 
-/// The errors of a joint estimate hang together over all plates, unlike the spec's noise: where corners say little, the
-/// prior decides. A network that is to read estimates has to learn from estimates.
+/// Unlike the spec's noise, the errors of a joint estimate are correlated across all plates: where the corners say
+/// little, the prior decides. A network that is to read such estimates must be trained on them.
 class CornerMeasurement {
  public:
-  /// The arrays that `prior` views must live as long.
+  /// The arrays that `prior` views must outlive this.
   CornerMeasurement(const FingerSpec& spec, const PlatePrior& prior);
 
-  /// What the image says of plates that truly moved by `numbers`, which it replaces (those not seen are completed),
-  /// and how large the noise of each seen plate is (PlatePoses::noise). Corners scatter by 0.01 to 0.4 pixels, one of
-  /// the spec's image sizes.
-  std::array<float, kPlates> measure(const std::array<bool, kPlates>& seen, Random& random,
-                                     PoseVector& numbers) const;
+  /// Replaces `numbers`, the plates' true motion, by what an image of them would give; plates not seen are completed
+  /// from the prior. Returns the noise of each seen plate (PlatePoses::noise). Corners scatter by 0.01 to 0.4 pixels,
+  /// at one of the spec's image sizes.
+  std::array<float, kPlates> measure(const std::array<bool, kPlates>& seen, Random& random, PoseVector& numbers) const;
 
  private:
   struct View {

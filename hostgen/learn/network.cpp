@@ -50,7 +50,7 @@ void Network::backward(const Eigen::Ref<const Eigen::MatrixXf>& loss_by_output) 
     if (l == 0) break;
     next_slope_.resize(layers_[l].weights.cols(), slope_.cols());
     next_slope_.noalias() = layers_[l].weights.transpose() * slope_;
-    // ReLU passes the slope where it was open.
+    // ReLU passes the derivative on where its input was positive.
     slope_ = (activations_[l].array() > 0.0f).select(next_slope_, 0.0f);
   }
 }
@@ -59,7 +59,7 @@ Adam::Adam(const Network& network) : mean_(zeros_like(network.layers())), square
 
 void Adam::step(Network& network, float rate) {
   constexpr float kMeanDecay = 0.9f, kSquareDecay = 0.999f, kEpsilon = 1e-8f;
-  // Moments of weights that get no gradient any more would shrink into denormal numbers, which are very slow.
+  // The moments of weights that no longer receive a gradient would decay into denormal numbers, which are very slow.
   constexpr float kFloor = 1e-30f;
   ++steps_;
   const auto steps = static_cast<float>(steps_);

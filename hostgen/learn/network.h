@@ -31,7 +31,7 @@ class Network {
  private:
   std::vector<Layer> layers_, gradients_;
   std::vector<Eigen::MatrixXf> activations_;  // inputs, after each layer; the last has no ReLU
-  Eigen::MatrixXf slope_, next_slope_;        // loss by the sums of one layer
+  Eigen::MatrixXf slope_, next_slope_;        // derivative of the loss by one layer's sums
 };
 
 /// Adam (Kingma & Ba 2015) with its usual constants 0.9, 0.999, 1e-8.

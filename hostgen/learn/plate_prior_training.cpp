@@ -8,9 +8,9 @@ namespace finsight::host {
 
 namespace {
 
-// The finger starts from rest and passes all smaller loads: every state also counts at these fractions of itself.
+// A finger on its way from rest passes all smaller loads, so every state also counts at these fractions of itself.
 constexpr double kFractions[] = {0.0, 0.25, 0.5, 0.75, 1.0};
-// The prior is over measured motions. This much measurement noise makes the covariance positive definite (the states
+// The prior describes measured motions. This much measurement noise makes the covariance positive definite (the states
 // lie near a three-dimensional surface) and keeps the completion of unseen plates from amplifying noise.
 constexpr double kNoise_mm = 0.1, kNoise_rad = 0.005;
 

@@ -11,15 +11,15 @@ namespace {
 
 constexpr double kLargest = 127.0;
 
-// Rounds one layer, column after column; what rounding a column costs is made good by the columns that are not rounded
-// yet, in the least-squares sense over the samples that reach the layer (GPTQ, Frantar et al. 2022, arXiv 2210.17323).
-// They lie near a surface of few dimensions, so that nearly all of the cost can be made good.
+// Rounds one layer column by column. The columns that are not rounded yet compensate the error of rounding each column,
+// in the least-squares sense over the samples that reach the layer (GPTQ, Frantar et al. 2022, arXiv 2210.17323). The
+// samples lie near a surface of few dimensions, so nearly all of the error can be compensated.
 struct RoundedLayer {
   Eigen::MatrixXf weights;  ///< whole numbers
   Eigen::VectorXf scale;    ///< per output
 };
 RoundedLayer round_layer(const Eigen::MatrixXf& weights, const Eigen::MatrixXf& samples) {
-  constexpr double kDamping = 1e-3;  // of the mean size of an input: keeps the repairs small
+  constexpr double kDamping = 1e-3;  // of the mean size of an input: keeps the compensation small
   Eigen::MatrixXd hessian = samples.cast<double>() * samples.cast<double>().transpose();
   hessian.diagonal().array() += kDamping * std::max(hessian.diagonal().mean(), 1e-12);
   const Eigen::MatrixXd inverse = hessian.llt().solve(Eigen::MatrixXd::Identity(hessian.rows(), hessian.cols()));
@@ -34,10 +34,10 @@ RoundedLayer round_layer(const Eigen::MatrixXf& weights, const Eigen::MatrixXf& 
       const double steps = rest(o, i) / static_cast<double>(rounded.scale[o]);
       rounded.weights(o, i) = static_cast<float>(std::clamp(std::round(steps), -kLargest, kLargest));
     }
-    const Eigen::VectorXd cost =
+    const Eigen::VectorXd error =
         (rest.col(i) - rounded.weights.col(i).cwiseProduct(rounded.scale).cast<double>()) / upper(i, i);
     const Eigen::Index left = rest.cols() - i - 1;
-    rest.rightCols(left).noalias() -= cost * upper.row(i).tail(left);
+    rest.rightCols(left).noalias() -= error * upper.row(i).tail(left);
   }
   return rounded;
 }
@@ -45,7 +45,7 @@ RoundedLayer round_layer(const Eigen::MatrixXf& weights, const Eigen::MatrixXf& 
 }  // namespace
 
 void quantise(TouchNetwork& trained) {
-  Eigen::MatrixXf exact = trained.sample_inputs, seen = exact;  // what the float layers see, and the rounded ones
+  Eigen::MatrixXf exact = trained.sample_inputs, seen = exact;  // inputs of the float layer and of the rounded one
   for (std::size_t l = 0; l < 3; ++l) {
     const Network::Layer& layer = trained.network.layers()[l];
     const RoundedLayer rounded = round_layer(layer.weights, seen);

@@ -5,7 +5,7 @@ namespace finsight::host {
 namespace {
 
 Eigen::VectorXf spread(const Eigen::MatrixXf& rows, const Eigen::VectorXf& mean) {
-  constexpr float kConstant = 1e-6f;  // a row that does not vary keeps its size
+  constexpr float kConstant = 1e-6f;  // a row that varies less is not scaled
   const Eigen::ArrayXf sigma = (rows.colwise() - mean).array().square().rowwise().mean().sqrt();
   return (sigma > kConstant).select(sigma, 1.0f);
 }

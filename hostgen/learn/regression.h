@@ -1,4 +1,4 @@
-// The paper's network: numbers in, place out, both z-scored; no uncertainty.
+// The paper's network: plate numbers in, touched point out, both z-scored; no uncertainty.
 #pragma once
 
 #include <functional>

@@ -17,7 +17,7 @@ namespace finsight::host {
 
 namespace {
 
-// The named states alone.
+// Only the given states.
 FemDataset subset(const FemDataset& dataset, const std::vector<std::size_t>& states) {
   FemDataset part{
       .spec_sha256 = dataset.spec_sha256, .states = {}, .node_displacement_mm = {}, .mesh_nodes = dataset.mesh_nodes};
@@ -38,14 +38,14 @@ std::vector<std::size_t> valid_of(const FemDataset& dataset, const std::vector<s
   return valid;
 }
 
-std::vector<std::size_t> thinned(const std::vector<std::size_t>& states, std::size_t most) {
+std::vector<std::size_t> thinned(const std::vector<std::size_t>& states, std::size_t max_count) {
   std::vector<std::size_t> kept;
-  const std::size_t count = std::min(most, states.size());
+  const std::size_t count = std::min(max_count, states.size());
   for (std::size_t k = 0; k < count; ++k) kept.push_back(states[k * states.size() / count]);
   return kept;
 }
 
-// Mean distance of shapes to those of a dataset.
+// Mean distance of shapes to the finite-element shapes of a dataset.
 class Distance {
  public:
   Distance(const FemDataset& truth, const ShapeModel& shape) : truth_(truth), shape_(shape) {}
@@ -80,7 +80,7 @@ class Distance {
   std::size_t count_ = 0;
 };
 
-// What the firmware's stage answers to the samples' poses, each as after a gap.
+// Runs the firmware's shape stage on the samples' poses, reset before every one.
 TierAtTouch judge(const char* tier, ShapeStage& stage, const ShapeSamples& samples, const FemDataset& truth,
                   const ShapeModel& shape) {
   Distance clean(truth, shape), noisy(truth, shape);
@@ -108,12 +108,12 @@ TierAtTouch judge(const char* tier, ShapeStage& stage, const ShapeSamples& sampl
 }  // namespace
 
 ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const Model& model, const FemDataset& dataset,
-                                    std::size_t most_states, std::uint64_t seed) {
+                                    std::size_t max_states, std::uint64_t seed) {
   std::vector<int> path;
   for (const FemState& state : dataset.states) path.push_back(state.path);
   const Split split = group_split(path, 5, 0, seed);
   const FemDataset train = subset(dataset, valid_of(dataset, split.train));
-  const FemDataset test = subset(dataset, thinned(valid_of(dataset, split.test), most_states));
+  const FemDataset test = subset(dataset, thinned(valid_of(dataset, split.test), max_states));
   if (train.states.empty() || test.states.empty())
     throw std::runtime_error("training set: too few contact points to hold some out");
 
@@ -161,7 +161,8 @@ FemDataset unseen_states(const FingerSpec& spec, const TetMesh& mesh, const FemD
   for (std::size_t i = 0; i < all.states.size(); ++i) {
     if (all.states[i].valid() && is_new(i)) states.push_back(i);
   }
-  if (states.empty()) throw std::runtime_error("training set: holds all points that a test would take");
+  if (states.empty())
+    throw std::runtime_error("training set: its contact points are so dense that no new test point is left");
   return subset(all, states);
 }
 

@@ -1,4 +1,4 @@
-// How well the shape is known where the finger is touched: the paper's energy method against the contact-aware map.
+// Shape errors where the finger is touched: the paper's energy method against the contact-aware map.
 #pragma once
 
 #include <cstdint>
@@ -17,30 +17,29 @@ struct ShapeErrors {
 };
 struct ShapeAtTouch {
   ShapeErrors energy_clean, energy_noisy, contact_aware_clean, contact_aware_noisy;
-  std::size_t states = 0;  ///< that were compared, each once clean and once noisy
+  std::size_t states = 0;  ///< compared, each once clean and once noisy
 };
 
-/// A contact map is fitted on four fifths of the contact points and judged, as tier kContact of the firmware, on at
-/// most `most_states` states of the others, spread over them. The energy method is solved to its minimum for the same
-/// poses. With progress. Throws Interrupted, and std::runtime_error if a fifth of the contact points holds no valid
-/// state.
+/// Fits a contact map to four fifths of the contact points and tests it, as tier kContact of the firmware, on at most
+/// `max_states` states spread over the remaining fifth. The energy method is solved to its minimum for the same poses.
+/// Shows progress. Throws Interrupted, and std::runtime_error if the fifth holds no valid state.
 ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const Model& model, const FemDataset& dataset,
-                                    std::size_t most_states, std::uint64_t seed);
+                                    std::size_t max_states, std::uint64_t seed);
 
-/// What a tier of the firmware answers with this pack.
+/// Errors of one shape tier of the firmware with this pack.
 struct TierAtTouch {
   std::string tier;  ///< as in board files
   ShapeErrors clean, noisy;
-  double us_per_frame = 0;       ///< median of the shape stage's time, each frame as after a gap
-  double contact_map_share = 0;  ///< of the noisy frames: answered by the contact map, by register 43
+  double us_per_frame = 0;       ///< median time of the shape stage, reset before every frame
+  double contact_map_share = 0;  ///< share of noisy frames that the contact map answered (register 43)
 };
-/// The tiers map, newton and, if the pack has a contact map, contact, on valid states that the pack was not trained on:
-/// each once clean and once with the spec's noise.
+/// Tests the tiers map, newton and, if the pack has a contact map, contact, on valid states that the pack was not
+/// trained on, each once clean and once with the spec's noise.
 std::vector<TierAtTouch> measure_tiers_at_touch(const FingerSpec& spec, const Model& model, const FemDataset& unseen,
                                                 std::uint64_t seed);
 
-/// States of about `points` contact points that `dataset` does not hold (none of its own is nearer than 1 mm), `forces`
-/// at each. Solved on all cores with progress; throws Interrupted.
+/// Solves states of about `points` new contact points, at least 1 mm away from those of `dataset`, with `forces` forces
+/// each. Uses all cores, shows progress; throws Interrupted.
 FemDataset unseen_states(const FingerSpec& spec, const TetMesh& mesh, const FemDataset& dataset, int points,
                          int forces);
 

@@ -15,11 +15,11 @@ namespace finsight::host {
 namespace {
 
 constexpr int kNumbers = 18;
-// Relative to the mean size of a feature. Small enough for an exact quadratic map to be found to 1e-4 of its size.
+// Relative to the mean size of a feature. Small enough to recover an exact quadratic map to 1e-4 of its size.
 constexpr double kRidge = 1e-6;
 
 // The leading right singular vectors as rows, by subspace iteration (Halko et al. 2011): the spectrum falls fast, so
-// that a few rounds with some spare vectors are exact to float.
+// a few iterations with some spare vectors are exact to float precision.
 Eigen::MatrixXd leading_directions(const Eigen::MatrixXd& samples, int rank) {
   constexpr int kSpare = 10, kRounds = 8;
   const int width = static_cast<int>(std::min<Eigen::Index>({rank + kSpare, samples.rows(), samples.cols()}));
@@ -37,8 +37,8 @@ Eigen::MatrixXd leading_directions(const Eigen::MatrixXd& samples, int rank) {
   return (directions * turn).transpose();
 }
 
-// One over the largest size of each number, displacements and rotations each compared with their own largest: a number
-// that hardly moves must not be blown up.
+// One over the largest magnitude of each number. The smallest allowed magnitude is relative to the largest displacement
+// or rotation, so that a number that hardly moves is not blown up.
 std::vector<float> pose_scale(const Eigen::MatrixXf& poses) {
   constexpr float kSmallest = 0.05f;
   std::vector<float> largest(kNumbers);
@@ -76,8 +76,8 @@ ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& 
   if (poses.cols() != kNumbers || poses.rows() != displacement_mm.rows() || poses.rows() < 1 || rank < 1 ||
       rank > std::min(displacement_mm.rows(), displacement_mm.cols())) {
     throw std::invalid_argument(
-        "shape map: needs 18 plate numbers and one displacement per sample, and a rank of at "
-        "most the number of samples");
+        "shape map: expected 18 plate numbers and one displacement per sample, and a rank from 1 to the number of "
+        "samples");
   }
   ShapeMapData map;
   map.rank = rank;
@@ -92,14 +92,14 @@ ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& 
   const Eigen::MatrixXd weights = normal.ldlt().solve(x.transpose() * coordinates).transpose();  // [rank, features - 1]
 
   for (int r = 0; r < rank; ++r) {
-    map.weights.push_back(0.0f);  // of the constant feature: rest stays at rest exactly
+    map.weights.push_back(0.0f);  // the constant feature: no motion must give exactly no displacement
     for (const double weight : weights.row(r)) map.weights.push_back(static_cast<float>(weight));
     for (const double component : basis.row(r)) map.basis.push_back(static_cast<float>(component));
   }
   return map;
 }
 
-// A dimple is small beside the bend, so it takes more basis vectors than the shapes without one do.
+// A dimple is small compared with the bend, so shapes with one need more basis vectors.
 ShapeMapData fit_contact_map(const FingerSpec& spec, const FemDataset& dataset, std::uint64_t seed) {
   constexpr int kNoisyCopies = 2;
   constexpr Eigen::Index kRank = 40;

@@ -20,8 +20,8 @@ struct ShapeMapData {
 /// displacements; weights by ridge regression. Zero motion maps to zero displacement exactly.
 ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& displacement_mm, int rank = 20);
 
-/// The contact-aware map: fitted to the shapes that the valid states themselves have, at poses with and without the
-/// spec's noise.
+/// The contact-aware map: fitted to the finite-element shapes of the valid states, at poses with and without the spec's
+/// noise.
 ShapeMapData fit_contact_map(const FingerSpec& spec, const FemDataset& dataset, std::uint64_t seed);
 
 }  // namespace finsight::host

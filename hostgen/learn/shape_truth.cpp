@@ -12,7 +12,7 @@ namespace finsight::host {
 
 namespace {
 
-/// Displacement of every node at the converged shape, from rest.
+/// Displacement of every node from rest at the converged shape.
 std::optional<std::vector<float>> converged_displacement(NewtonSolver<double>& solver, const ShapeModel& shape,
                                                          const PlatePoses& poses) {
   constexpr double kTolerance_mm = 1e-6;
@@ -51,7 +51,7 @@ std::vector<PoseSample> pose_samples(const FingerSpec& spec, const FemDataset& d
 ShapeSamples converged_shapes(const FingerSpec& spec, const ShapeModel& shape, const MountModel& mount,
                               const FemDataset& dataset, int noisy_copies, std::uint64_t seed) {
   const std::vector<PoseSample> poses = pose_samples(spec, dataset, noisy_copies, seed);
-  // Solves in batches, so that a worker's solver serves many samples.
+  // In batches, so that one solver serves many samples.
   constexpr std::size_t kBatch = 32;
   std::vector<std::optional<std::vector<float>>> shapes(poses.size());
   Progress progress("converged shapes", poses.size());

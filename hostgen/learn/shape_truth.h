@@ -1,5 +1,5 @@
-// Samples for the shape maps: plate motions of finite-element states, with and without pose noise, with the shapes that
-// the firmware's solver converges to for them, or with the shapes that the finite elements have.
+// Samples for the shape maps: plate motions of finite-element states, with and without pose noise, and for each either
+// the shape that the firmware's solver converges to or the finite-element shape itself.
 #pragma once
 
 #include <Eigen/Core>
@@ -18,13 +18,13 @@ struct ShapeSamples {
   int failed = 0;                   ///< solves that did not converge; left out
 };
 
-/// Every valid state once clean and `noisy_copies` times with the spec's pose noise. Solved on all cores with progress.
+/// Every valid state once clean and `noisy_copies` times with the spec's pose noise, solved on all cores with progress.
 /// Throws Interrupted.
 ShapeSamples converged_shapes(const FingerSpec& spec, const ShapeModel& shape, const MountModel& mount,
                               const FemDataset& dataset, int noisy_copies, std::uint64_t seed);
 
-/// The same samples with the states' own shapes: touched fingers have a dimple that no energy of the plates' motion
-/// knows of, but where and how deep it is follows from that motion.
+/// The same samples with the finite-element shapes. A touch leaves a dimple that minimising an energy for given plates
+/// cannot produce; the plates' motion still determines where it is and how deep.
 ShapeSamples contact_shapes(const FingerSpec& spec, const FemDataset& dataset, int noisy_copies, std::uint64_t seed);
 
 }  // namespace finsight::host

@@ -12,9 +12,9 @@ namespace finsight::host {
 namespace {
 
 constexpr int kMinPoints = 10;
-// Coordinates of about one condition the spline's system.
+// Scales coordinates to about one, for the condition of the spline's system.
 constexpr double kLength_mm = 50.0;
-// Far below the states' own accuracy; lets two paths share a contact point.
+// Far below the accuracy of the states; allows two paths to share a contact point.
 constexpr double kSmoothing = 1e-7;
 
 double thin_plate(double distance_sq) { return distance_sq > 0 ? 0.5 * distance_sq * std::log(distance_sq) : 0.0; }

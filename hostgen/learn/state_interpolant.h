@@ -1,4 +1,4 @@
-// A smooth finger between computed states: any contact point, any force up to what was computed there.
+// Interpolates between finite-element states: any contact point, any force up to the highest computed there.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,7 +22,7 @@ TouchSample touch_sample(const FemState& state);
 /// per force level (exact at the states), between the levels and down to rest by a parabola through the three nearest.
 class StateInterpolant {
  public:
-  /// Uses the valid states. Forces that many contact points share make a level; levels with fewer than 10 points are
+  /// Uses the valid states. Every force that is common to 10 or more contact points becomes a level; other forces are
   /// left out. Throws std::runtime_error if no level remains.
   explicit StateInterpolant(const std::vector<FemState>& states);
 

@@ -31,7 +31,7 @@ struct Normalisation {
   Eigen::MatrixXf undo(const Eigen::MatrixXf& rows) const { return (scale.asDiagonal() * rows).colwise() + mean; }
 };
 
-// A column of Eigen's is a row of OpenCV's.
+// A column in Eigen is a row in OpenCV.
 cv::Mat view(const Eigen::MatrixXf& columns) {
   return {static_cast<int>(columns.cols()), static_cast<int>(columns.rows()), CV_32F,
           const_cast<float*>(columns.data())};
@@ -47,7 +47,7 @@ Predictor fit_linear(const Eigen::MatrixXf& x, const Eigen::MatrixXf& y) {
   };
 }
 
-// One model per coordinate, as OpenCV's answer one number.
+// One model per coordinate: OpenCV's models predict a single number.
 template <class Make>
 Predictor fit_opencv(const Eigen::MatrixXf& x, const Eigen::MatrixXf& y, Make make) {
   std::vector<cv::Ptr<cv::ml::StatModel>> models;
@@ -184,7 +184,7 @@ std::vector<MethodScore> compare_methods(const FingerSpec& spec, const FemDatase
                                        group_split(states.path, kFolds, 0, plan.seed)};
   std::vector<MethodScore> scores;
   Progress progress("methods of table 2", 10);
-  // One after the other: their times are compared.
+  // Sequentially, because their times are compared.
   for (const char* name : {"lr", "svm", "knn", "dt", "mlp"}) {
     std::array<Trial, 2> trials;
     for (std::size_t s = 0; s < splits.size(); ++s) {

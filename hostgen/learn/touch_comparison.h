@@ -1,4 +1,4 @@
-// The paper's table 2: its network and its rivals on the same states, by its random split and by contact point.
+// The paper's table 2: its network and the methods it was compared with, by its random split and by contact point.
 #pragma once
 
 #include <string>
@@ -24,7 +24,7 @@ struct ComparisonPlan {
 /// Linear regression, support-vector regression (radial basis), five nearest neighbours, a decision tree, and the
 /// paper's network (18-512-256-3), each trained on the noise-free plate numbers of the valid states, z-scored. Tested
 /// on noise-free numbers and on numbers with the spec's noise: random split 7:1:2 of the states, and a fifth of the
-/// contact points held out. All valid states count, also those below the spec's threshold. With progress. Throws
+/// contact points held out. All valid states count, also those below the spec's threshold. Shows progress. Throws
 /// Interrupted, and std::runtime_error for fewer than 50 valid states.
 std::vector<MethodScore> compare_methods(const FingerSpec& spec, const FemDataset& dataset, const ComparisonPlan& plan);
 

@@ -15,7 +15,7 @@ constexpr std::array<int, 4> kWithSigma = {0, 1, 2, 6};  // those with a log-sig
 constexpr float kPeakRate = 2e-3f;
 constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 256, TouchModel::kOutputs};
 
-// Mean and standard deviation of every row; a row that does not vary keeps its size.
+// Mean and standard deviation of every row; a row that does not vary is not scaled.
 void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vector<float>& sigma) {
   for (int i = 0; i < rows.rows(); ++i) {
     const Eigen::ArrayXd row = rows.row(i).transpose().cast<double>();
@@ -26,7 +26,7 @@ void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vect
   }
 }
 
-// Measures random touches: noise, missing plates, features. One column of inputs and targets per touch.
+// Draws random touches and measures them: noise, missing plates, features. One column of inputs and targets per touch.
 class Measurements {
  public:
   Measurements(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
@@ -69,7 +69,7 @@ class Measurements {
   Random& random_;
 };
 
-// Inputs and outputs of about one: statistics of measured touches.
+// Scales inputs and outputs to about one, from the statistics of measured touches.
 constexpr int kDraws = 4096;
 TouchModelData fit_normalisation(Measurements& measurements) {
   TouchModelData model;
@@ -104,7 +104,7 @@ TouchModel TouchModelData::view() const {
 
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient) {
-  // One wild sample, such as a swing that looks like a touch elsewhere, must not throw means and deviations off.
+  // A single outlier, such as a swing that looks like a touch elsewhere, must not dominate means and deviations.
   constexpr float kLargestError = 5.0f, kLargestSquare = kLargestError * kLargestError;
   const float share = 1.0f / static_cast<float>(outputs.cols());
   gradient.setZero(outputs.rows(), outputs.cols());

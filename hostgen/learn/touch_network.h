@@ -1,4 +1,4 @@
-// One training of the touch network, and its quantisation.
+// Trains one touch network and quantises it.
 #pragma once
 
 #include <functional>
@@ -14,29 +14,30 @@ namespace finsight::host {
 /// A float network with the normalisation of its inputs and outputs.
 struct TouchNetwork {
   Network network;
-  TouchModelData model;           ///< everything but the weights, until quantise()
+  TouchModelData model;           ///< without the weights until quantise()
   Eigen::MatrixXf sample_inputs;  ///< [TouchModel::kInputs, samples] normalised, as in training: for quantise()
 };
 
-/// Trains on `touches`, each time with fresh pose noise of another size and sometimes without some plates: one half as
-/// the spec's noise has it, plate by plate, the other as `camera` measures them; all as the former without one.
+/// Trains on `touches`, each time with new pose noise of random size and sometimes with plates missing. Half of them
+/// get the spec's noise, independently for each plate, the other half are measured by `camera`; without a camera all
+/// get the spec's noise.
 ///
 /// Loss: of the seven means (point, displacement, force) the squared error in the first fifth of the steps; then, for
 /// the three coordinates of the point and the force, the Gaussian negative log-likelihood with the predicted standard
-/// deviation, weighted by that deviation (beta-NLL with beta = 0.5, Seitzer et al. 2022), so that samples that tell
-/// little about the touch neither dominate nor vanish. The displacement takes part with the force's weight.
+/// deviation, weighted by that deviation (beta-NLL with beta = 0.5, Seitzer et al. 2022), so that samples that say
+/// little about the touch neither dominate nor vanish. The displacement is weighted like the force.
 /// `tick` is called after every step; it may throw to stop.
 TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
                                  const std::function<void()>& tick, const CornerMeasurement* camera = nullptr);
 
 /// Derivative of that loss by the network's raw outputs, both [TouchModel::kOutputs, samples]; `targets` is
-/// [7, samples], normalised. `likelihood` chooses the second part of the training.
+/// [7, samples], normalised. `likelihood` selects the loss of the second part.
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient);
 
-/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`, so that
-/// the outputs for `trained.sample_inputs` change least.
+/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`,
+/// changing the outputs for `trained.sample_inputs` as little as possible.
 void quantise(TouchNetwork& trained);
 
 /// The float network's eleven numbers in physical units, for one pose and the noise of its plates (network_noise()).

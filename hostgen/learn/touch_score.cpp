@@ -32,7 +32,7 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
                                    const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
                                    const Measuring& how) {
   TouchModel model = trained.model.view();
-  model.threshold_mm = 0;  // the trials outside of the range are asked for, too
+  model.threshold_mm = 0;  // trials below the threshold and over range are wanted, too
   model.range_mm = std::numeric_limits<float>::infinity();
   TouchStage stage(model);
   Random random(how.seed);
@@ -55,14 +55,15 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
 
 namespace {
 
-/// Trials of one band of plate motion, and what makes their radii hold what they should.
+/// Trials of one band of plate motion, and the calibration of their radii.
 struct Knot {
   std::vector<TouchTrial> trials;
   float motion_mm = 0, log_factor = 0, exponent = 1;
 };
 
-/// The exponent at which the radius that holds 68 % holds about 95 % when doubled: smaller than 1 where the network
-/// tells apart more than there is. Near 1 if that does, so that what the network knows is kept.
+/// The exponent at which the radius that holds 68 % of the errors holds about 95 % when doubled: below 1 where the
+/// network's radii vary more than its errors. Of equally good exponents the one nearest to 1, which keeps most of what
+/// the network says.
 void fit_exponent(Knot& knot) {
   double best = std::numeric_limits<double>::infinity();
   for (int tenths = 3; tenths <= 15; ++tenths) {
@@ -91,8 +92,8 @@ std::vector<float> curve_of(const std::vector<Knot>& knots) {
 
 /// Knots in the middle of the bands; bands with few trials take their neighbours' curve.
 std::vector<float> radius_curve(const std::vector<TouchTrial>& trials, double threshold_mm) {
-  constexpr std::size_t kMin = 50;
-  constexpr int kSweeps = 20;  // the curve between two knots belongs to both
+  constexpr std::size_t kMinTrials = 50;
+  constexpr int kSweeps = 20;  // neighbouring knots share the curve between them
   std::vector<Knot> knots;
   for (std::size_t band = 0; band + 1 < std::size(kEdges_mm); ++band) {
     Knot knot;
@@ -103,7 +104,7 @@ std::vector<float> radius_curve(const std::vector<TouchTrial>& trials, double th
       knot.trials.push_back(trial);
       motions_mm.push_back(motion_mm);
     }
-    if (knot.trials.size() < kMin) continue;
+    if (knot.trials.size() < kMinTrials) continue;
     knot.motion_mm = static_cast<float>(quantile(std::move(motions_mm), 0.5));
     fit_exponent(knot);
     knots.push_back(std::move(knot));

@@ -1,4 +1,4 @@
-// Measures a trained touch network through the firmware's own touch stage.
+// Tests a trained touch network through the firmware's own touch stage.
 #pragma once
 
 #include <string>
@@ -8,31 +8,31 @@
 
 namespace finsight::host {
 
-/// One state, measured once.
+/// One measurement of one state.
 struct TouchTrial {
   std::int32_t path = 0;
   Vec3f truth_mm = Vec3f::Zero(), error_mm = Vec3f::Zero();
   float plate_motion_mm = 0, radius_68_mm = 0, force_n = 0, force_error_n = 0, force_sigma_n = 0;
   float quantisation_mm = 0;  ///< distance between the float network's point and the published one
-  float float_error_mm = 0;   ///< of the float network's point
+  float float_error_mm = 0;   ///< error of the float network's point
 };
 
 /// How the states of trials are measured.
 struct Measuring {
-  float noise = 1;  ///< times the spec's; 0: none, and the network is told that there is hardly any
+  float noise = 1;  ///< times the spec's; 0: clean poses, announced to the network as hardly noisy
   std::array<bool, kPlates> seen = {true, true, true};
   int repeats = 1;
   std::uint64_t seed = 0;
 };
 
-/// Measures every state and locates it with the quantised network, also below the threshold.
+/// Measures every state and locates its touch with the quantised network, even below the threshold.
 std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemState>& states,
                                    const std::array<PoseNoise, kPlates>& noise, const PlatePrior& prior,
                                    const Measuring& how);
 
-/// What makes the radius hold 68 % of the errors, and twice the radius about 95 %, in every band of plate motion
-/// (error_bands) of trials of a network that is not calibrated, at or above the threshold; and the factor that makes
-/// the force's standard deviation hold 68.3 %. Nothing changes where there are no trials.
+/// Makes the radius hold 68 % of the errors, and twice the radius about 95 %, in every band of plate motion
+/// (error_bands), and the force's standard deviation 68.3 %. Fitted to trials of an uncalibrated network at or above
+/// the threshold; without trials nothing changes.
 struct Calibration {
   std::vector<float> radius_curve = {0, 0, 1};  ///< TouchModel::radius_curve
   double force = 1;
@@ -42,20 +42,20 @@ void apply(const Calibration& calibration, TouchModelData& model);
 
 /// Errors and coverage of the trials at or above the threshold.
 TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm);
-/// Uncalibrated trials with the radius that a calibration on the other half of the contact points gives each half: what
-/// coverage is counted on.
+/// Calibrates each half of the contact points with the calibration fitted to the other half, so that coverage can be
+/// counted on touches that the calibration has not seen. trials: uncalibrated
 std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm);
 
-/// Errors by how far the plates moved: 0, 1, 2, 4, 7, 12 mm and more; bands without trials are left out.
+/// Errors by plate motion, in bands from 0, 1, 2, 4, 7 and 12 mm; bands without trials are left out.
 std::vector<TouchBand> error_bands(const std::vector<TouchTrial>& trials);
-/// Force errors by the force: every newton, of trials at or above the threshold.
+/// Force errors by force, in bands of one newton, of trials at or above the threshold.
 std::vector<ForceBand> force_bands(const std::vector<TouchTrial>& trials, double threshold_mm);
 /// Shares of errors inside k radii, for k = 0.1, 0.2 ... 3, of trials at or above the threshold.
 std::vector<double> coverage_curve(const std::vector<TouchTrial>& trials, double threshold_mm);
-/// What int8 costs on trials at or above the threshold.
+/// Effect of rounding to int8, on trials at or above the threshold.
 Quantisation quantisation_cost(const std::vector<TouchTrial>& trials, double threshold_mm);
 
-/// Those tables for the log.
+/// These figures as text for the log.
 std::string error_table(const std::vector<TouchBand>& bands);
 std::string force_table(const std::vector<ForceBand>& bands);
 

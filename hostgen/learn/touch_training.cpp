@@ -12,7 +12,7 @@ namespace finsight::host {
 
 namespace {
 
-constexpr std::size_t kTouches = 30000;  // drawn between the states; each is measured anew about 25 times
+constexpr std::size_t kTouches = 30000;  // drawn between the states; each is measured about 25 times
 constexpr std::int32_t kFold = 5;        // one in so many points is held out
 constexpr int kNoisyRepeats = 20;
 
@@ -60,7 +60,7 @@ std::vector<FemState> valid_states(const FemDataset& dataset) {
   return states;
 }
 
-// A network with its test states; quantised and with its threshold, not yet calibrated.
+// A network with its test states; quantised, with its threshold, not yet calibrated.
 struct Run {
   StateSplit split;
   double leave_one_out_mm = 0;
@@ -76,7 +76,7 @@ struct Run {
   }
 };
 
-// A network answers anything; a little beyond the pushed states its answer is still one, far beyond it is a guess.
+// A network always answers. A little beyond the training states its answer still holds, far beyond it is a guess.
 constexpr float kBeyondTraining = 1.15f;
 
 float largest_plate_motion_mm(const std::vector<FemState>& states) {

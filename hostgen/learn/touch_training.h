@@ -15,14 +15,14 @@ struct PlatePriorData {
   PlatePrior view() const;
 };
 /// Gaussian over the measured plate numbers of all valid states and their scaled-down copies (the finger starts from
-/// rest), and the spec's noise, standard deviations below 1e-6 (mm, rad) counting as that. Positive definite. Throws
+/// rest), and the spec's noise, with standard deviations of at least 1e-6 (mm, rad). Positive definite. Throws
 /// std::runtime_error if no state is valid.
 PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseNoise, kPlates>& noise);
 
 /// Owns what a TouchModel views.
 struct TouchModelData {
   std::vector<float> scale, input_mean, input_scale, output_mean, output_scale;
-  std::vector<float> radius_curve = {0, 0, 1};  ///< not calibrated
+  std::vector<float> radius_curve = {0, 0, 1};  ///< uncalibrated
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
@@ -30,8 +30,8 @@ struct TouchModelData {
   TouchModel view() const;
 };
 
-/// Errors of the published (int8) touches on states that training has not seen: those whose measured plate motion
-/// reaches the threshold. Arrays: x, y, z of the touched point.
+/// Errors of the published (int8) touches on states that were not trained on and whose measured plate motion reaches
+/// the threshold. Arrays: x, y, z of the touched point.
 struct TouchScore {
   std::array<double, 3> rmse_mm{}, r2{};
   double mean_mm = 0, force_rmse_n = 0;
@@ -44,7 +44,7 @@ struct TouchScore {
 struct TouchBand {
   double from_mm = 0, to_mm = 0;
   std::size_t touches = 0;
-  double mean_mm = 0, error_95_mm = 0;      ///< mean, and what 95 % stay below
+  double mean_mm = 0, error_95_mm = 0;      ///< mean, and 95th percentile
   double coverage_68 = 0, coverage_95 = 0;  ///< as in TouchScore
 };
 /// Force errors of touches with forces between two values.
@@ -53,7 +53,7 @@ struct ForceBand {
   std::size_t touches = 0;
   double rmse_n = 0, bias_n = 0, coverage_68 = 0;  ///< coverage: share of errors inside the published deviation
 };
-/// Float network against int8 network: how far the point moves, and both errors.
+/// Float network against int8 network: distance between their points, and both errors.
 struct Quantisation {
   double mean_mm = 0, worst_mm = 0, float_error_mm = 0, int8_error_mm = 0;
 };
@@ -66,7 +66,7 @@ struct TouchTraining {
   std::vector<ForceBand> force_bands;  ///< the same trials
   std::vector<double> coverage_curve;  ///< the same trials: shares inside 0.1, 0.2 ... 3 radii
   Quantisation quantisation;           ///< the same trials
-  std::string log;                     ///< readable lines
+  std::string log;                     ///< for people
 };
 
 struct TouchTrainingPlan {
@@ -77,11 +77,11 @@ struct TouchTrainingPlan {
 };
 
 /// Three trainings side by side: without a fifth of the states, without a fifth of the contact points, and, for the
-/// model itself, with all. Training touches are drawn from an interpolant of the states that may be seen (see
+/// model itself, with all. Training touches are drawn from an interpolant of the training states (see
 /// StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated on the held-out
 /// points, after quantisation, and the final model gets the same factors; the coverage in `random_noisy` and
-/// `held_out_noisy` comes from calibrating on one half of the tested points and counting on the other. Same arguments
-/// give the same bytes.
+/// `held_out_noisy` comes from calibrating on one half of the tested points and counting on the other. The same
+/// arguments give the same bytes.
 /// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,
                           const TouchTrainingPlan& plan);

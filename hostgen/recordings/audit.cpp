@@ -104,7 +104,7 @@ void audit_plates(const RecordedMotion& motion, const std::vector<bool>& outlier
     audit.largest_motion_mm = std::max(audit.largest_motion_mm, largest);
     double smallest = largest;
     for (const std::size_t row : rows) smallest = std::min(smallest, motion_mm(motion, row));
-    bool out = false;  // past 60 % of the way until it is back at 40 %
+    bool out = false;  // from beyond 60 % of the largest motion until back below 40 %
     for (const std::size_t row : rows) {
       const double share = (motion_mm(motion, row) - smallest) / std::max(largest - smallest, 1e-9);
       if (!out && share > 0.6) ++pushes;
@@ -157,15 +157,14 @@ Eigen::Vector3d squared_residual(const Eigen::MatrixXd& inputs, const Eigen::Mat
 }
 
 Eigen::Matrix<double, 6, 1> scaled_pose(const PlateMotion& plate) {
-  constexpr double kRotation = 20;  // of about the size of the displacements, for the condition of the fit
+  constexpr double kRotation = 20;  // makes rotations about as large as displacements, for the condition of the fit
   Eigen::Matrix<double, 6, 1> x;
   x << plate.displacement_mm.cast<double>(), kRotation * plate.rotation_rad.cast<double>();
   return x;
 }
 
-// A pen that the plate knows nothing of keeps its own errors and the plate's: no function of the plate's pose tells
-// where it is to better than some tenths of a millimetre. Only a place that was computed from the pose can be told
-// exactly.
+// A pen that is measured independently has errors of its own, so no function of the plate's pose predicts it to better
+// than some tenths of a millimetre. Only a position that was computed from the pose can be predicted exactly.
 void audit_truth(const RecordedMotion& motion, const std::vector<bool>& outlier, RecordingAudit& audit) {
   Eigen::Vector3d residual_sq = Eigen::Vector3d::Zero();
   double change_sq = 0, unexplained_sq = 0;
@@ -211,8 +210,8 @@ void audit_direction(const RecordedMotion& motion, const std::vector<bool>& outl
   audit.motion_follows_pen = variance > 0 ? (n * xy - x * y) / std::sqrt(variance) : 0;
 }
 
-// The touched part of the face is taken for a trapezoid as wide as the outermost points; its largest hole is the centre
-// of the largest circle without a contact point.
+// Takes the touched part of the face for a trapezoid as wide as the outermost points. Its largest gap is the radius of
+// the largest circle in it without a contact point.
 void audit_face(RecordingAudit& audit) {
   if (audit.points.empty()) return;
   const auto count = static_cast<Eigen::Index>(audit.points.size());
@@ -235,7 +234,7 @@ void audit_face(RecordingAudit& audit) {
     if (up >= 0.75) audit.half_width_mm[1] = std::max(audit.half_width_mm[1], std::abs(place(i, 0)));
   }
   const double widest = std::max(audit.half_width_mm[0], audit.half_width_mm[1]);
-  const double step_mm = std::max(1.0, std::max(height, widest) / 250);  // a finger's face has a grid of 1 mm
+  const double step_mm = std::max(1.0, std::max(height, widest) / 250);  // 1 mm for a finger's face
   for (double y = audit.y_mm[0]; y <= audit.y_mm[1]; y += step_mm) {
     const double up = height > 0 ? (y - audit.y_mm[0]) / height : 0;
     const double half = audit.half_width_mm[0] + up * (audit.half_width_mm[1] - audit.half_width_mm[0]);
@@ -250,7 +249,7 @@ void audit_face(RecordingAudit& audit) {
 }  // namespace
 
 std::vector<bool> find_outliers(const RecordedMotion& motion) {
-  // From one frame to the next but one no finger moves that far, nor does noise.
+  // Neither a finger nor noise moves a plate that far within two frames.
   constexpr double kJump_mm = 5, kJump_deg = 20;
   constexpr std::size_t kNeighbours = 3;  // before and after
   std::vector<bool> outlier(motion.poses.size(), false);

@@ -49,14 +49,15 @@ std::string outlier_row(const RecordingAudit& audit) {
 
 std::string truth_rows(const RecordingAudit& audit) {
   if (audit.fitted_points == 0) {
-    return row("truth", "no contact point has the 60 distinct rows that tell", "not known: measured or computed");
+    return row("truth", "no contact point has the 60 distinct rows that this check needs",
+               "not known: measured or computed");
   }
   const bool computed = audit.touch_is_computed();
   std::string rows =
       row("truth",
-          text("a quadratic of the plate's pose tells the touch to %.4f / %.4f / %.4f mm (RMS; x y z) at each point",
+          text("a quadratic of the plate's pose predicts the touch to %.4f / %.4f / %.4f mm (RMS; x y z) at each point",
                audit.pen_residual_mm[0], audit.pen_residual_mm[1], audit.pen_residual_mm[2]),
-          computed ? "PROBLEM: the touch was computed from the pose; it is no measured truth" : "ok");
+          computed ? "PROBLEM: the touch was computed from the pose; it is not a measurement" : "ok");
   return rows + row("",
                     text("%.0f %% of its change from row to row is the plate's own jitter", 100 * audit.jitter_in_pen),
                     computed ? "(errors against it are agreement with another reconstruction)" : "");
@@ -69,15 +70,15 @@ std::string face_rows(const RecordingAudit& audit) {
                          "ok");
   constexpr double kLowest_mm = 10, kHighest_mm = 1000;  // faces of fingers
   const double height_mm = audit.y_mm[1] - audit.y_mm[0];
-  rows += row(
-      "coverage",
-      text("x %.1f to %.1f mm, y %.1f to %.1f mm; |x| up to %.1f mm low, %.1f mm high", audit.x_mm[0], audit.x_mm[1],
-           audit.y_mm[0], audit.y_mm[1], audit.half_width_mm[0], audit.half_width_mm[1]),
-      height_mm >= kLowest_mm && height_mm <= kHighest_mm ? "ok" : "PROBLEM: no finger's face; are these millimetres?");
-  // A touch further than this from all training points is told by extrapolation.
+  rows += row("coverage",
+              text("x %.1f to %.1f mm, y %.1f to %.1f mm; |x| up to %.1f mm low, %.1f mm high", audit.x_mm[0],
+                   audit.x_mm[1], audit.y_mm[0], audit.y_mm[1], audit.half_width_mm[0], audit.half_width_mm[1]),
+              height_mm >= kLowest_mm && height_mm <= kHighest_mm
+                  ? "ok"
+                  : "PROBLEM: not the size of a finger's face; are these millimetres?");
+  // A touch further than this from all training points is extrapolated.
   constexpr double kGap_mm = 10;
-  return rows + row("",
-                    text("largest hole: %.1f mm from its middle to the nearest contact point", audit.largest_gap_mm),
+  return rows + row("", text("largest gap: %.1f mm from its centre to the nearest contact point", audit.largest_gap_mm),
                     audit.largest_gap_mm <= kGap_mm ? "ok" : "PROBLEM: touches there are extrapolated");
 }
 
@@ -99,7 +100,7 @@ std::string audit_table(const RecordingAudit& audit) {
                text("the plate has moved %.2f mm or more in every row, %.1f mm at most", audit.smallest_motion_mm,
                     audit.largest_motion_mm),
                audit.largest_motion_mm < 0.5 || audit.largest_motion_mm > 200
-                   ? "PROBLEM: no finger that is touched moves so; are these millimetres?"
+                   ? "PROBLEM: a touched finger does not move like this; are these millimetres?"
                : audit.smallest_motion_mm < 0.1 ? "ok"
                                                 : "PROBLEM: no row shows the finger at rest");
   table += row("rotation",
@@ -108,8 +109,8 @@ std::string audit_table(const RecordingAudit& audit) {
                audit.change_deg[1] < 2 ? "ok" : "PROBLEM: flips between the two poses of a square seen face-on");
   table += outlier_row(audit);
   table += row("direction",
-               text("the plate's way into the finger follows the touch's: correlation %.2f", audit.motion_follows_pen),
-               audit.motion_follows_pen > 0.8 ? "ok" : "PROBLEM: axes or units do not fit");
+               text("the plate's motion into the finger follows the pen's: correlation %.2f", audit.motion_follows_pen),
+               audit.motion_follows_pen > 0.8 ? "ok" : "PROBLEM: axes or units are wrong");
   return table + truth_rows(audit) + face_rows(audit);
 }
 

@@ -35,10 +35,11 @@ constexpr SpecNumber kNumbers[] = {{"shape.front_wall_mm", &FingerSpec::front_wa
 constexpr auto kCount = static_cast<Index>(std::size(kNumbers));
 
 constexpr double kMinPush_mm = 2;
-constexpr double kDifference = 0.08;    // of a number's logarithm: well above what another mesh changes
+constexpr double kDifference =
+    0.08;  // step of the differences, of a number's logarithm: well above the effect of remeshing
 constexpr double kLargestChange = 0.3;  // of a number's logarithm in one iteration
 constexpr double kDetermined = 0.25;    // a number whose logarithm scatters more is not identifiable
-constexpr double kFirstForce_n = 0.5;   // of a simulated push: the next forces follow from how far it goes
+constexpr double kFirstForce_n = 0.5;   // of a simulated push; the next forces follow by scaling
 constexpr int kMaxLoads = 8;
 
 VectorXd numbers_of(const FingerSpec& spec) {
@@ -71,24 +72,25 @@ Millimetres in_millimetres(const std::array<PlateMotion, kPlates>& plates, const
   return numbers;
 }
 
-/// Plate motions when the point has been pushed so far: the force is found from the way, which hardly bends with it.
+/// Plate motions when the point has been pushed in by push_mm. The force follows by scaling: displacement is nearly
+/// proportional to it.
 std::optional<Millimetres> simulate(FingerStatics& statics, const RecordedPush& push, const Eigen::Vector3d& inward) {
   statics.reset();
   double force_n = kFirstForce_n;
   for (int load = 0; load < kMaxLoads; ++load) {
     if (!statics.load(push.point_mm, force_n)) return std::nullopt;
     const FemState state = statics.state();
-    const double way_mm = (state.contact_mm - state.point_mm).cast<double>().dot(inward);
-    if (!(way_mm > 0)) return std::nullopt;
-    const double ratio = push.push_mm / way_mm;
-    // Within a few per cent the plates move in proportion.
+    const double moved_mm = (state.contact_mm - state.point_mm).cast<double>().dot(inward);
+    if (!(moved_mm > 0)) return std::nullopt;
+    const double ratio = push.push_mm / moved_mm;
+    // The last few per cent are scaled.
     if (std::abs(ratio - 1) < 0.03) return ratio * in_millimetres(state.plates, push.poses.seen);
     force_n *= std::clamp(ratio, 0.3, 3.0);
   }
   return std::nullopt;
 }
 
-/// Errors of all pushes one below the other; a push without equilibrium is not in `good`, and its errors are 0.
+/// Errors of all pushes, stacked; `good` is false for a push without equilibrium, and its errors are 0.
 struct Residuals {
   VectorXd errors_mm;
   std::vector<bool> good;
@@ -111,7 +113,7 @@ Residuals residuals(const FingerSpec& spec, const std::vector<RecordedPush>& pus
   return result;
 }
 
-/// The rows of pushes that are good in both.
+/// The errors with those of all other pushes set to 0.
 VectorXd common(const VectorXd& errors, const std::vector<bool>& good) {
   VectorXd kept = errors;
   for (std::size_t i = 0; i < good.size(); ++i) {
@@ -141,7 +143,7 @@ double recorded_numbers(const std::vector<RecordedPush>& pushes, const std::vect
   return count;
 }
 
-/// Nothing if the finger cannot be made so.
+/// Nothing if such a finger cannot be meshed.
 std::optional<Residuals> try_residuals(const FingerSpec& spec, const VectorXd& at,
                                        const std::vector<RecordedPush>& pushes, const MeshMaker& make) {
   try {
@@ -151,7 +153,7 @@ std::optional<Residuals> try_residuals(const FingerSpec& spec, const VectorXd& a
   }
 }
 
-/// Differences to the side on which the finger can be made.
+/// One-sided differences, to the other side where the finger cannot be meshed.
 Linearisation linearise(const FingerSpec& spec, const VectorXd& at, const Residuals& here,
                         const std::vector<RecordedPush>& pushes, const MeshMaker& make, Progress& progress) {
   Linearisation result{here, MatrixXd::Zero(here.errors_mm.size(), kCount)};
@@ -177,7 +179,7 @@ struct Step {
   std::vector<bool> identifiable;
 };
 
-/// The best change of the numbers that the errors tell. Those that they do not tell leave one by one, the worst first.
+/// The Gauss-Newton step of the identifiable numbers. The others are dropped one by one, the least certain first.
 Step best_step(const Linearisation& linear, double numbers) {
   Step step{VectorXd::Zero(kCount), VectorXd::Zero(kCount), std::vector<bool>(static_cast<std::size_t>(kCount), true)};
   while (true) {
@@ -192,7 +194,7 @@ Step best_step(const Linearisation& linear, double numbers) {
     const VectorXd change = -normal.ldlt().solve(J.transpose() * linear.at.errors_mm);
     const double left = (linear.at.errors_mm + J * change).squaredNorm();
     const double noise_sq = left / std::max(1.0, numbers - static_cast<double>(free.size()));
-    // However small the errors: a mesh is no better than 10 micrometres.
+    // At least 10 micrometres: the mesh is no more accurate than that.
     const VectorXd sigma = (std::max(noise_sq, 1e-4) * normal.inverse().diagonal()).cwiseSqrt();
     Index worst = 0;
     const double most = sigma.maxCoeff(&worst);
@@ -223,7 +225,7 @@ Identification identify_spec(const FingerSpec& spec, const std::vector<RecordedP
   for (int iteration = 0; iteration <= iterations; ++iteration) {
     const Linearisation linear = linearise(spec, at, here, pushes, make, progress);
     const double numbers = recorded_numbers(pushes, linear.at.good);
-    if (numbers == 0) throw std::runtime_error("identify: the simulated finger finds no equilibrium for any push");
+    if (numbers == 0) throw std::runtime_error("identify: the simulated finger has no equilibrium under any push");
     step = best_step(linear, numbers);
     good = both(first.good, linear.at.good);
     if (iteration == iterations) break;
@@ -238,7 +240,8 @@ Identification identify_spec(const FingerSpec& spec, const std::vector<RecordedP
       at += change;
       here = *there;
     }
-    if (!better || change.cwiseAbs().maxCoeff() < 1e-3) iteration = iterations - 1;  // once more, for the deviations
+    if (!better || change.cwiseAbs().maxCoeff() < 1e-3)
+      iteration = iterations - 1;  // one more linearisation, for the standard deviations
   }
   Identification result{{}, rms_mm(first, pushes, good), rms_mm(here, pushes, good), pushes.size(), 0};
   result.failed = static_cast<std::size_t>(std::count(good.begin(), good.end(), false));
@@ -252,7 +255,7 @@ Identification identify_spec(const FingerSpec& spec, const std::vector<RecordedP
 
 namespace {
 
-/// Mean of the rows whose push is within a tenth of the largest from `push_mm`, since the row of rest.
+/// Mean of the rows, relative to rest, whose push differs from `push_mm` by less than a tenth of the largest push.
 RecordedPush mean_push(const RecordedMotion& motion, const std::vector<std::size_t>& rows,
                        const std::vector<double>& pushes_mm, std::size_t rest, double push_mm, double width_mm) {
   RecordedPush mean;

@@ -1,4 +1,4 @@
-// Which numbers of a spec make the simulated finger move as the recorded one.
+// Fits dimensions and stiffness of a spec so that the simulated finger moves like the recorded one.
 #pragma once
 
 #include <functional>
@@ -10,11 +10,12 @@
 
 namespace finsight::host {
 
-/// A recorded push: how the plates moved when a point of the face had been pushed so far. Forces were not recorded.
+/// A recorded push: the plates' motion when a point of the face had been pushed in by push_mm. Forces were not
+/// recorded.
 struct RecordedPush {
-  Vec3f point_mm = Vec3f::Zero();  ///< of the unbent face
-  double push_mm = 0;              ///< of the point, along the face's inward normal
-  PlatePoses poses;                ///< since the same rest as the push
+  Vec3f point_mm = Vec3f::Zero();  ///< on the face at rest
+  double push_mm = 0;              ///< displacement of the point along the face's inward normal
+  PlatePoses poses;                ///< relative to the same rest as push_mm
 };
 
 /// At most `points` contact points, spread over the file's, each at half of its largest push and at nearly all of it;
@@ -26,14 +27,15 @@ struct IdentifiedNumber {
   std::string key;  ///< as in the spec
   double before = 0, after = 0;
   double sigma = 0;  ///< standard deviation of `after`, if the residuals are independent
-  /// False: the pushes do not tell it (to a quarter), and it stays as it was.
+  /// False: the pushes do not determine it (to 25 %), and it keeps its value.
   bool identifiable = false;
 };
 struct Identification {
   std::vector<IdentifiedNumber> numbers;
-  /// RMS of the plate numbers' errors, rotations as the way of a point 28.65 mm from the axis (a degree is half a mm).
+  /// RMS of the plate numbers' errors, rotations as the motion of a point 28.65 mm from the axis (half a mm per
+  /// degree).
   double rms_before_mm = 0, rms_after_mm = 0;
-  std::size_t pushes = 0, failed = 0;  ///< compared; and left out because the finger finds no equilibrium
+  std::size_t pushes = 0, failed = 0;  ///< compared; left out, because no equilibrium was found
 };
 
 using MeshMaker = std::function<TetMesh(const FingerSpec&)>;

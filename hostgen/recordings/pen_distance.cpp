@@ -17,7 +17,7 @@ Vec3f node_at(std::span<const float> node_mm, std::int32_t node) {
   return Eigen::Map<const Vec3f>(node_mm.data() + 3 * static_cast<std::size_t>(node));
 }
 
-/// A point of the face: a node, and how far beside it the point lies.
+/// A point of the face: a node and the offset from it.
 struct SurfacePoint {
   std::int32_t node = 0;
   Vec3f rest_mm = Vec3f::Zero();
@@ -38,7 +38,7 @@ SurfacePoint surface_point(const ShapeModel& shape, const Vec3f& place_mm) {
 
 }  // namespace
 
-PenDistance measure_pen_distance(const RecordedMotion& motion, const Model& model, std::size_t most_rows) {
+PenDistance measure_pen_distance(const RecordedMotion& motion, const Model& model, std::size_t max_rows) {
   const std::vector<bool> outlier = find_outliers(motion);
   std::map<int, SurfacePoint> points;
   for (const RecordingAudit::Point& point : audit_recordings(motion).points) {
@@ -48,9 +48,9 @@ PenDistance measure_pen_distance(const RecordedMotion& motion, const Model& mode
   for (std::size_t row = 0; row < outlier.size(); ++row) {
     if (!outlier[row]) rows.push_back(row);
   }
-  const std::size_t count = std::min(most_rows, rows.size());
+  const std::size_t count = std::min(max_rows, rows.size());
 
-  // Every row by itself: neighbours in the file are not neighbours in time.
+  // Every row on its own: the chosen rows are far apart in time.
   ShapeStage stage(model, {.tier = ShapeSettings::Tier::kMapAndNewton, .factorisations = 2, .chord_steps = 1});
   PenDistance result{.rows = count};
   std::vector<double> distances;

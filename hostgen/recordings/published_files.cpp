@@ -18,8 +18,8 @@ namespace {
 constexpr const char* kHeader =
     "recording,frame,marker_tx_mm,marker_ty_mm,marker_tz_mm,marker_qx,marker_qy,marker_qz,marker_qw,touch_x_mm,"
     "touch_y_mm,touch_z_mm,surface_node\n";
-constexpr int kDeepest = 100;     // lists in lists; OpenCV's parser calls itself for each
-constexpr double kLargest = 1e4;  // mm; nothing of a finger is that far away
+constexpr int kMaxDepth = 100;      // of nested lists; OpenCV's parser recurses
+constexpr double kMaxNumber = 1e4;  // mm; no part of a finger is that far away
 constexpr std::array<const char*, 3> kMarkers = {"bc_top", "bc_bot1", "bc_bot2"};
 
 std::vector<std::filesystem::path> files_of(const std::filesystem::path& folder) {
@@ -62,13 +62,14 @@ class Reader {
   const std::string& name() const { return name_; }
 
   void append_to(PublishedFiles& result) {
-    if (!storage_.root().isMap()) throw InputError(file_.string(), "is not the published YAML: no keys at its top");
+    if (!storage_.root().isMap())
+      throw InputError(file_.string(), "is not one of the published files: no keys at the top level");
     const cv::FileNode points = storage_["points"];
     if (!points.isSeq()) throw InputError(file_.string(), "points", "none", "a list");
     const cv::FileNode announced = storage_["number_of_points"];
     if (!announced.isInt() || static_cast<int>(announced) != static_cast<int>(points.size())) {
       throw InputError(file_.string(), "number_of_points",
-                       announced.isInt() ? std::to_string(static_cast<int>(announced)) : "no whole number",
+                       announced.isInt() ? std::to_string(static_cast<int>(announced)) : "not an integer",
                        "the number of points, " + std::to_string(points.size()));
     }
     for (const cv::FileNode& point : points) append_point(point, result);
@@ -80,9 +81,9 @@ class Reader {
     int depth = 0;
     for (const char c : text) {
       depth += (c == '[' || c == '{') - (c == ']' || c == '}');
-      if (depth > kDeepest) {
+      if (depth > kMaxDepth) {
         throw InputError(file_.string(), "lists in lists", std::to_string(depth),
-                         "at most " + std::to_string(kDeepest));
+                         "at most " + std::to_string(kMaxDepth));
       }
     }
   }
@@ -99,9 +100,9 @@ class Reader {
     std::array<double, kCount> values{};
     for (std::size_t i = 0; i < kCount; ++i) {
       const cv::FileNode value = list[static_cast<int>(i)];
-      if (!value.isReal() && !value.isInt()) refuse("something else than numbers");
+      if (!value.isReal() && !value.isInt()) refuse("an entry that is not a number");
       values[i] = static_cast<double>(value);
-      if (!(std::abs(values[i]) < kLargest)) refuse(shown(values[i]));
+      if (!(std::abs(values[i]) < kMaxNumber)) refuse(shown(values[i]));
     }
     return values;
   }

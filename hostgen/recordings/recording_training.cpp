@@ -22,7 +22,7 @@ namespace {
 
 constexpr int kFolds = 5;
 
-/// The rows that take part, in the order of the file.
+/// The rows that are used, in the order of the file.
 struct Rows {
   std::vector<PlatePoses> poses;
   Eigen::Matrix3Xf pen_mm;
@@ -46,7 +46,7 @@ Rows usable_rows(const RecordedMotion& motion) {
   return rows;
 }
 
-/// Learns on the first rows, answers for the second ones.
+/// Trains on the first rows, predicts the second ones.
 using Learner = std::function<Eigen::MatrixXf(const std::vector<std::size_t>&, const std::vector<std::size_t>&,
                                               const std::function<void()>& tick)>;
 
@@ -84,7 +84,7 @@ Eigen::Matrix<float, 6, 1> plate_millimetres(const PlatePoses& poses) {
   return numbers;
 }
 
-// Which way the plate moved, and how far: the same place then looks nearly the same at every force.
+// Direction and size of the plate's motion: touches of one point then look nearly alike at every force.
 Eigen::MatrixXf direction_inputs(const Rows& rows) {
   Eigen::MatrixXf inputs(7, rows.pen_mm.cols());
   for (Eigen::Index i = 0; i < inputs.cols(); ++i) {
@@ -96,9 +96,9 @@ Eigen::MatrixXf direction_inputs(const Rows& rows) {
   return inputs;
 }
 
-// Direction, and the plate's numbers now and up to a quarter of a second ago (60 frames/s). Several looks average the
-// noise of a single marker's tilt, and a real finger creeps: the way that it came tells where it is pushed. Before its
-// first row a recording stood still.
+// Direction, and the plate's numbers now and up to a quarter of a second ago (60 frames/s). Several frames average the
+// noise of a single marker's tilt, and a real finger creeps, so its recent motion also says where it is pushed. Before
+// its first row a recording counts as at rest.
 Eigen::MatrixXf history_inputs(const Rows& rows) {
   constexpr std::array<std::size_t, 5> kFramesAgo = {0, 2, 4, 8, 15};
   const Eigen::MatrixXf direction = direction_inputs(rows);
@@ -116,8 +116,8 @@ Eigen::MatrixXf history_inputs(const Rows& rows) {
   return inputs;
 }
 
-// The pack's network in floats, trained further. Its contact point (touched point plus displacement) is what a
-// recording holds; the two output layers' rows move together.
+// The pack's network in floats, trained further. Recordings hold the contact point, which is touched point plus
+// displacement, so the output rows of both receive the same gradient.
 class PackNetwork {
  public:
   PackNetwork(const Model& pack, const Rows& rows, const RecordingTrainingPlan& plan)
@@ -137,7 +137,7 @@ class PackNetwork {
 
   Eigen::MatrixXf fine_tuned(const std::vector<std::size_t>& train, const std::vector<std::size_t>& test,
                              const std::function<void()>& tick) const {
-    constexpr float kPeakRate = 5e-4f;  // half of what training from nothing starts with
+    constexpr float kPeakRate = 5e-4f;  // half of that for training from scratch
     Network network = network_of_pack();
     Adam adam(network);
     Random random(plan_.seed);
@@ -152,7 +152,7 @@ class PackNetwork {
       const Eigen::MatrixXf error = (contact(outputs) - pen_mm) / static_cast<float>(x.cols());
       gradient.setZero(outputs.rows(), outputs.cols());
       for (int i = 0; i < 3; ++i) {
-        // Each coordinate counts by its own spread, as in the training of the pack.
+        // Each coordinate is scaled by its standard deviation, as in the training of the pack.
         gradient.row(i) = error.row(i) / scale(i);
         gradient.row(3 + i) = error.row(i) * scale(3 + i) / (scale(i) * scale(i));
       }
@@ -168,7 +168,7 @@ class PackNetwork {
   float mean(int i) const { return model_.output_mean[static_cast<std::size_t>(i)]; }
 
   Network network_of_pack() const {
-    Random random(1);  // every weight is replaced
+    Random random(1);  // arbitrary: every weight is replaced
     Network network(
         {model_.layers[0].inputs, model_.layers[1].inputs, model_.layers[2].inputs, model_.layers[2].outputs}, random);
     for (std::size_t l = 0; l < 3; ++l) {
@@ -206,7 +206,7 @@ struct Method {
   Learner learner;
 };
 
-// Predictions of all folds, each put back in its rows.
+// Predictions of all folds, in the order of the rows.
 struct Predictions {
   Split random;
   Eigen::MatrixXf at_random;

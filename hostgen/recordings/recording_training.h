@@ -1,4 +1,4 @@
-// Networks for recorded touches: where the pen is, from the one plate that was recorded.
+// Networks for recorded touches: the pen's position from the one plate that was recorded.
 #pragma once
 
 #include <optional>
@@ -11,10 +11,10 @@
 
 namespace finsight::host {
 
-/// How one method does on states that its training has not seen.
+/// Errors of one method on rows that it was not trained on.
 struct RecordingScore {
   std::string method;
-  AxisErrors random;    ///< the paper's split, 7:1:2 over rows: copies of training rows are in its test set
+  AxisErrors random;    ///< the paper's split, 7:1:2 over rows; its test set holds copies of training rows
   AxisErrors by_point;  ///< every contact point predicted by a network that has not seen it (five folds)
   double mean_mm = 0;   ///< by_point: mean distance
 };
@@ -22,13 +22,13 @@ struct RecordingScore {
 struct RecordingTrainingPlan {
   int steps = 40000;
   std::uint64_t seed = 1;
-  std::vector<int> hidden = {512, 256};  ///< of the first two networks; the third has its first layer twice
+  std::vector<int> hidden = {512, 256};  ///< of the first two networks; the third has the first of these layers twice
 };
 
 /// Trains on all rows but outliers (see find_outliers()), with progress. Rows of the result: "paper", the paper's
 /// network (the plate's six numbers three times, z-scored, 18-512-256-3); "direction", ours (direction and log-size);
-/// "history", with the plate's motion over the last quarter of a second and one layer more; and, if there is a pack,
-/// "simulation", its touch network as it came from there, and "fine-tuned", the same trained further on the recordings.
+/// "history", with the plate's motion over the last quarter of a second and one more layer; with a pack also
+/// "simulation", the pack's touch network, and "fine-tuned", the same trained further on the recordings.
 /// Throws InputError if there are fewer than five contact points, Interrupted.
 std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, const Model* pack,
                                                 const RecordingTrainingPlan& plan);

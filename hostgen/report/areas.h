@@ -11,8 +11,8 @@
 namespace finsight::host {
 
 /// Time per frame of the shape stage against the distance to the converged shape, for fixed schedules and the map, over
-/// motions at 60 frames/s; plots speed_error.svg into `folder`. `bench`: the program bench's figures, which become part
-/// of the result. `quick`: fewer motions and schedules.
+/// motions at 60 frames/s; plots speed_error.svg into `folder`. `bench`: figures of the program bench, added to the
+/// result. `quick`: fewer motions and schedules.
 nlohmann::json measure_solver(const Model& model, const nlohmann::json& bench, const std::filesystem::path& folder,
                               bool quick);
 
@@ -24,7 +24,7 @@ nlohmann::json measure_hard_cases(const Model& model, bool quick);
 /// is null.
 nlohmann::json measure_fem(const std::filesystem::path& spec, const nlohmann::json& built, bool quick);
 
-/// A client's time for one read of 40 registers over loopback, alone and beside a client that sends what is refused.
+/// Time of one client's read of 40 registers over loopback, alone and beside a client whose requests are refused.
 nlohmann::json measure_modbus(bool quick);
 
 /// Rendered images of one touch path, by preset and image size, through the firmware's stages: touch, force and
@@ -43,12 +43,12 @@ nlohmann::json measure_corners(const FingerSpec& spec, bool quick);
 nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, const FingerSpec* spec,
                              const FemDataset* dataset, const std::filesystem::path& folder, bool quick);
 
-/// Networks on a CSV of recordings, and its audit with an image, recordings.svg; without a file the reason.
+/// Networks on a CSV of recordings, and its audit with an image, recordings.svg; without a file only the reason.
 nlohmann::json measure_real(const Model& model, const std::filesystem::path& recordings,
                             const std::filesystem::path& folder, bool quick);
 
 /// Contact forces of four touches (a point, two, a pressure, the edge) from noisy plate motions: Gauss-Newton beside
-/// the paper's L-BFGS, and how often the doubt of an estimate holds the truth; plots contact_forces.svg into `folder`.
+/// the paper's L-BFGS, and how often the stated uncertainty holds the truth; plots contact_forces.svg into `folder`.
 /// `quick`: 10 draws of the noise instead of 100, 5 iterations of L-BFGS instead of 200.
 nlohmann::json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, bool quick);
 

@@ -1,5 +1,5 @@
-// What `hostgen build` measured while it made a pack: kept beside the pack (PACK with the ending .build.json), because
-// times do not belong into a file whose bytes must be the same on every machine.
+// What `hostgen build` measured while it made a pack, kept beside the pack (as PACK.build.json without the pack's own
+// ending) because times do not belong in a file whose bytes must be the same on every machine.
 #pragma once
 
 #include <filesystem>
@@ -23,7 +23,7 @@ struct BuildFigures {
 
 std::filesystem::path build_figures_path(const std::filesystem::path& pack);
 void write_build_figures(const std::filesystem::path& pack, const BuildFigures& figures);
-/// Keys "profile", "fem" and "touch" as in results.json. Throws InputError if there are none beside the pack.
+/// Keys "profile", "fem" and "touch" as in results.json. Throws InputError if the file is missing.
 nlohmann::json read_build_figures(const std::filesystem::path& pack);
 
 }  // namespace finsight::host

@@ -1,4 +1,4 @@
-// How far corners are from where the renderer put them: the firmware's edges beside OpenCV's cornerSubPix.
+// Errors of corners in rendered images: the firmware's edge fit beside OpenCV's cornerSubPix.
 #include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -18,7 +18,7 @@ using nlohmann::json;
 namespace {
 
 constexpr std::uint64_t kSeed = 77;
-constexpr double kCoarsePx = 1.5;  // a detector's corners are this far off, whole pixels and blur together
+constexpr double kCoarsePx = 1.5;  // error of a detector's corners, from whole pixels and blur
 using Corners = std::array<Vec2f, 4>;
 
 /// Errors of one method under one condition.
@@ -42,7 +42,7 @@ struct CornerErrors {
   }
 };
 
-/// One marker as it was drawn.
+/// One marker as it was rendered.
 struct DrawnMarker {
   Corners truth;
   double distance_mm = 0, tilt_deg = 0;
@@ -61,7 +61,7 @@ DrawnMarker drawn(const FingerSpec& spec, const Lens& lens, std::size_t plate, c
   return marker;
 }
 
-/// Plates pushed inwards and turned any way, a little further than touches turn them.
+/// Plates pushed inwards and rotated at random, a little further than touches rotate them.
 std::array<PlateMotion, kPlates> random_motions(Random& random) {
   std::array<PlateMotion, kPlates> motions;
   for (PlateMotion& motion : motions) {
@@ -84,7 +84,7 @@ Corners by_corner_sub_pix(const ImageView& image, const Corners& start) {
   return corners;
 }
 
-/// Draws `images` of `quality` and calls `take` with each marker and what both methods make of it.
+/// Renders `images` images of `quality` and calls `take` with each marker and the corners that both methods find.
 using Take = std::function<void(const DrawnMarker&, const Corners* edges, const Corners& sub_pix)>;
 void measure(const FingerSpec& spec, const ImageQuality& quality, int images, const Take& take) {
   const Lens& lens = spec.cameras[0];

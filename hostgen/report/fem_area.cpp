@@ -43,7 +43,7 @@ json compare(const FingerSpec& spec, const TetMesh& mesh, const char* mesh_name,
   return rows;
 }
 
-/// The touched point's way under half a newton in the middle of the face, by mesh and element.
+/// Displacement of the touched point under half a newton in the middle of the face, by mesh and element.
 json locking(const FingerSpec& spec, bool quick) {
   const std::pair<const char*, MeshSize> sizes[] = {{"coarse", MeshSize::kCoarse},
                                                     {"default", MeshSize::kDefault},
@@ -83,7 +83,7 @@ json measure_fem(const std::filesystem::path& spec_file, const json& built, bool
   double worst_mm = 0;
   for (const json& row : fem["calculix"]) worst_mm = std::max(worst_mm, row["difference_mm"].get<double>());
   fem["calculix_max_diff_mm"] = worst_mm;
-  if (!fem["seconds"].is_null()) fem.erase("why");  // nothing is left that needs a reason
+  if (!fem["seconds"].is_null()) fem.erase("why");  // every key has its value
   return {{"fem", fem}};
 }
 

@@ -22,7 +22,7 @@ struct Case {
   std::vector<FaceForce> forces;
 };
 
-/// Even pressure on `columns` x `rows` points with their middle at (x, y).
+/// Uniform pressure on `columns` x `rows` points centred at (x, y).
 std::vector<FaceForce> pressure(double x, double y, double width_mm, double height_mm, int columns, int rows,
                                 double force_n) {
   const auto at = [](double middle, double size, int index, int count) {
@@ -38,13 +38,13 @@ std::vector<FaceForce> pressure(double x, double y, double width_mm, double heig
   return forces;
 }
 
-/// Beside the middle and at no grid's points; the edge is a line along the face's border.
+/// The points are off-centre and on no grid of the solver; "edge" is a line along the face's border.
 std::vector<Case> cases(const FingerSpec& spec) {
   const auto border = [&](double y) { return spec.half_width.at(y) - spec.touch_edge_mm; };
-  const double low = spec.touch_y_mm[0], reach = spec.touch_y_mm[1] - low, most_n = spec.force_n[1];
+  const double low = spec.touch_y_mm[0], reach = spec.touch_y_mm[1] - low, max_n = spec.force_n[1];
   const auto point = [&](double across, double up, double share) {
     const double y = low + up * reach;
-    return FaceForce{{static_cast<float>(across * border(y)), static_cast<float>(y), 0}, share * most_n};
+    return FaceForce{{static_cast<float>(across * border(y)), static_cast<float>(y), 0}, share * max_n};
   };
   const FaceForce middle = point(0.05, 0.58, 0.67);
   std::vector<FaceForce> edge;
@@ -70,12 +70,12 @@ json curve(const ContactForces& found) {
   return points;
 }
 
-/// What the estimate says of itself is true: every true point is within the doubt of some contact.
-bool points_within(const std::vector<FaceForce>& truth, const ContactForces& found, bool spread_too) {
+/// Every true point is within the stated uncertainty of some contact.
+bool points_within(const std::vector<FaceForce>& truth, const ContactForces& found, bool or_extent) {
   return std::all_of(truth.begin(), truth.end(), [&](const FaceForce& force) {
     return std::any_of(found.contacts.begin(), found.contacts.end(), [&](const Contact& contact) {
       const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
-      return distance_mm <= contact.doubt.position_95_mm || (spread_too && distance_mm <= contact.doubt.extent_95_mm);
+      return distance_mm <= contact.doubt.position_95_mm || (or_extent && distance_mm <= contact.doubt.extent_95_mm);
     });
   });
 }
@@ -116,7 +116,7 @@ void plot(const json& rows, const std::filesystem::path& svg) {
   gnuplot.finish();
 }
 
-/// Of all draws of the noise, the numbers that are averaged.
+/// Figures of one draw of the noise; they are averaged over all draws.
 json draw_figures(const Case& touch, const std::vector<double>& truth_mm, const TetMesh& mesh,
                   const ContactForces& found) {
   const double true_n = total_n(touch.forces);
@@ -133,9 +133,9 @@ json draw_figures(const Case& touch, const std::vector<double>& truth_mm, const 
           {"position_95_mm", position_95_mm},
           {"extent_95_mm", extent_95_mm},
           {"explained", found.explained ? 1.0 : 0.0},
-          {"truth_within_reach", points_within(touch.forces, found, false) ? 1.0 : 0.0},
-          {"truth_within_doubt", points_within(touch.forces, found, true) ? 1.0 : 0.0},
-          {"force_within_doubt", force_within(true_n, found) ? 1.0 : 0.0}};
+          {"truth_within_position_95", points_within(touch.forces, found, false) ? 1.0 : 0.0},
+          {"truth_within_uncertainty", points_within(touch.forces, found, true) ? 1.0 : 0.0},
+          {"force_within_uncertainty", force_within(true_n, found) ? 1.0 : 0.0}};
 }
 
 json run_case(ContactForceSolver& solver, const FingerSpec& spec, const TetMesh& mesh, const Case& touch, bool quick,
@@ -189,7 +189,8 @@ json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, 
   };
   plot(rows, folder / "contact_forces.svg");
   json force;
-  for (const char* key : {"gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "truth_within_doubt", "force_within_doubt"})
+  for (const char* key :
+       {"gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "truth_within_uncertainty", "force_within_uncertainty"})
     force[key] = mean(key);
   force["front_mean_mm"] = mean("front_mm");
   force["cases"] = rows;

@@ -83,7 +83,7 @@ json measure_modbus(bool quick) {
   read_times_us(client, 100);
   const std::vector<double> alone = read_times_us(client, reads);
 
-  // Functions that libmodbus would sleep on, one after the other, while the client goes on reading.
+  // Sends the functions that libmodbus sleeps on, one after the other, while the client goes on reading.
   std::atomic<bool> stop{false};
   std::jthread hostile([&] {
     RawClient enemy(server.port());

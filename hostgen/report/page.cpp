@@ -1,4 +1,4 @@
-// index.html: what results.json says, for people.
+// index.html: results.json as tables and plots.
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -86,12 +86,8 @@ void add_section(const json& results, const std::string& key, const std::string&
   out << "</table>\n";
 }
 
-/// One line per row; the first row's keys are the columns, unless they are given.
-void add_table(const json& rows, std::vector<std::string> columns, std::ostringstream& out) {
+void add_table(const json& rows, const std::vector<std::string>& columns, std::ostringstream& out) {
   if (!rows.is_array() || rows.empty()) return;
-  if (columns.empty()) {
-    for (const auto& [key, value] : rows.front().items()) columns.push_back(key);
-  }
   out << "<table><tr>";
   for (const auto& column : columns) out << "<th>" << column << "</th>";
   out << "</tr>\n";
@@ -141,18 +137,18 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
              "contact_map_share"},
             out);
   add_section(all, "fem", "Finite-element truth", out);
-  out << "<p>The same loads solved by CalculiX: largest distance of a node's place in both.</p>\n";
+  out << "<p>The same loads solved by CalculiX: largest distance between a node's two positions.</p>\n";
   add_table(all["fem"].value("calculix", json()),
             {"element", "tets", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"}, out);
-  out << "<p>Locking: way of the touched point (0, 70) under 0.5 N.</p>\n";
+  out << "<p>Locking: displacement of the touched point (0, 70) under 0.5 N.</p>\n";
   add_table(all["fem"].value("locking", json()), {"mesh", "tets", "C3D4_mm", "C3D10_mm", "C3D10_over_C3D4"}, out);
   add_section(all, "real", "Real recordings", out);
   out << "<img src=\"recordings.svg\" alt=\"contact points, rotations and motions of the recordings\">\n";
   add_section(all, "force", "Contact forces", out);
   out << "<p>From plate motions with the spec's noise. front_mm: mean distance of the front face's nodes from the "
-         "truth. reach_mm: how far away the least certain contact could as well be (95 %).</p>\n";
+         "truth. position_95_mm: how far away the least certain contact could be (95 %).</p>\n";
   add_table(all["force"].value("cases", json()),
-            {"touch", "force_n", "contacts", "front_mm", "force_error_n", "reach_mm", "truth_within_doubt",
+            {"touch", "force_n", "contacts", "front_mm", "force_error_n", "position_95_mm", "truth_within_uncertainty",
              "gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "lbfgs_force_n"},
             out);
   out << "<img src=\"contact_forces.svg\" alt=\"objective against time, Gauss-Newton and L-BFGS\">\n";
@@ -164,7 +160,7 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
                "coverage_95"},
               out);
   }
-  out << "<p>Ways from the same corners to plates; estimate_us: processor time of that step alone.</p>\n";
+  out << "<p>Methods from the same corners to plates; estimate_us: processor time of that step alone.</p>\n";
   add_table(all["vision"].value("methods", json()),
             {"preset", "method", "touch_mm_2_to_4", "touch_mm_above_4", "touch_mm_above_7", "false_valid",
              "flips_per_1000", "coverage_68", "coverage_95", "estimate_us_p50", "estimate_us_p99"},
@@ -173,8 +169,8 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   add_table(all["vision"].value("paths", json()), {"path", "touches", "touch_mm", "touch_95_mm"}, out);
   out << "<img src=\"paths.svg\" alt=\"touched points found, over the true paths\">\n";
   out << "<p>Corners in rendered 1280x720 images, pixels: bias away from the marker's centre, RMS per coordinate. "
-         "edges: "
-         "what the firmware does; sub_pix: OpenCV's cornerSubPix. All but the named number as in preset lab.</p>\n";
+         "edges: the firmware's edge fit; sub_pix: OpenCV's cornerSubPix. All but the varied parameter as in preset "
+         "lab.</p>\n";
   add_table(all["vision"].value("corners", json()),
             {"varied", "value", "corners", "markers_lost", "edges_bias_px", "edges_rms_px", "sub_pix_bias_px",
              "sub_pix_rms_px"},

@@ -16,7 +16,7 @@ using nlohmann::json;
 
 namespace {
 
-// Every key that the report promises. "why" beside nulls says why they are null; measuring an area removes it.
+// Every key that the report promises. "why" gives the reason for nulls beside it; measuring an area removes it.
 constexpr const char* kSkeleton = R"({
   "machine": null, "commit": null, "profile": null, "measured": {},
   "mesh": {"nodes": null, "tets": null, "min_dihedral_deg": null, "why": "area solver was not measured"},
@@ -48,8 +48,8 @@ constexpr const char* kSkeleton = R"({
   "appliance": {"boot_s": null, "slot_mb": null, "security_score": null, "why": "no image exists yet"}
 })";
 
-// Keys of `wanted` that `have` lacks; what is there stays. A measured object has lost its "why" and gets it back only
-// with a key that is new.
+// Adds the keys of `wanted` that `have` lacks; existing ones stay. A measured object has lost its "why" and gets it
+// back only together with a new key.
 void add_missing(json& have, const json& wanted) {
   bool is_new = false;
   for (const auto& [key, value] : wanted.items()) {
@@ -64,7 +64,7 @@ void add_missing(json& have, const json& wanted) {
   if (is_new && wanted.contains("why") && !have.contains("why")) have["why"] = wanted["why"];
 }
 
-// Objects are merged key by key, everything else is replaced; a measured object loses its reason for being empty.
+// Objects are merged key by key, everything else is replaced; a measured object loses its "why".
 void overwrite(json& have, const json& figures) {
   for (const auto& [key, value] : figures.items()) {
     if (value.is_object() && have.contains(key) && have[key].is_object()) {
@@ -118,7 +118,7 @@ const std::vector<std::string>& report_areas() {
 Results::Results(std::filesystem::path file) : file_(std::move(file)), json_(std::make_unique<json>(json::object())) {
   if (std::filesystem::exists(file_)) {
     *json_ = json::parse(read_file(file_), nullptr, false);
-    if (!json_->is_object()) throw InputError(file_.string(), "is not JSON; delete it to start anew");
+    if (!json_->is_object()) throw InputError(file_.string(), "is not JSON; delete it to start over");
   }
   add_missing(*json_, json::parse(kSkeleton));
 }

@@ -12,10 +12,10 @@ namespace finsight::host {
 /// The areas that can be measured alone, in the order of the page.
 const std::vector<std::string>& report_areas();
 
-/// The report's figures, kept between runs: an area that is not measured again keeps its figures and their date.
+/// The report's figures, kept between runs: an area that is not measured keeps its figures and their date.
 class Results {
  public:
-  /// Reads `file` if it exists (a damaged one is an InputError) and adds every key that is not there as null.
+  /// Reads `file` if it exists (throws InputError if it is damaged) and adds every missing key as null.
   explicit Results(std::filesystem::path file);
   ~Results();
   Results(const Results&) = delete;
@@ -31,7 +31,7 @@ class Results {
   std::unique_ptr<nlohmann::json> json_;
 };
 
-/// The page: figures as tables, plots beside them. Written next to results.json.
+/// Writes the page beside results.json: figures as tables, and the plots.
 void write_index_html(const std::filesystem::path& folder, const Results& results);
 
 }  // namespace finsight::host

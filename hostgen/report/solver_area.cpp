@@ -41,7 +41,7 @@ std::vector<Schedule> schedules(bool quick) {
   return list;
 }
 
-/// What the three measures of a shape without nodes are off: the worst and the mean of them.
+/// Errors of the three measures of a shape without nodes: the largest and the mean.
 ShapeDistance measures_distance(const ShapeModel& model, const FingerShape& shape, const std::vector<double>& truth) {
   const ShapeMeasures wanted = measure_shape<double>(model.rest_mm, model.front_nodes, truth);
   const float off[] = {std::abs(shape.rms_mm - wanted.rms_mm), std::abs(shape.front_rms_mm - wanted.front_rms_mm),
@@ -125,7 +125,7 @@ json measure_solver(const Model& model, const json& bench, const std::filesystem
   }
   plot(rows, folder);
   json figures = {{"mesh", {{"nodes", model.shape.nodes}, {"tets", model.shape.tets}}}};
-  if (!bench.contains("mesh")) figures["mesh"]["why"] = "the program bench measures the smallest angle";
+  if (!bench.contains("mesh")) figures["mesh"]["why"] = "measured by the program bench";
   figures.update(bench, true);
   for (const json& row : bench.value("speed_error", json::array())) rows.push_back(row);
   figures["speed_error"] = rows;
@@ -141,12 +141,12 @@ json measure_hard_cases(const Model& model, bool quick) {
        run_hard_cases({model.shape, model.shape_map, model.mount}, quick ? 200 : 100000)) {
     non_finite += result.non_finite;
     inverted_unflagged += result.inverted_unflagged;
-    worst_iterations = std::max(worst_iterations, result.most_steps);
+    worst_iterations = std::max(worst_iterations, result.max_steps);
     bad += !result.good();
     cases.push_back({{"name", result.name},
                      {"frames", result.frames},
                      {"flagged", result.flagged},
-                     {"iterations", result.most_steps},
+                     {"iterations", result.max_steps},
                      {"worst_mm", result.worst_mm},
                      {"end_mm", result.end_mm},
                      {"good", result.good()}});

@@ -41,7 +41,7 @@ json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& da
                     {"contact_aware_clean", shape.contact_aware_clean.front_mm},
                     {"contact_aware_noisy", shape.contact_aware_noisy.front_mm}}},
                   {"states", shape.states}};
-  // The pack's own maps have seen every point of the set: others judge them.
+  // The pack's maps were trained on every point of the set, so other states test them.
   const FemDataset unseen = unseen_states(spec, make_mesh(spec), dataset, quick ? 17 : 43, quick ? 4 : 8);
   figures["unseen_states"] = unseen.states.size();
   for (const TierAtTouch& tier : measure_tiers_at_touch(spec, model, unseen, 1)) {
@@ -56,7 +56,7 @@ json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& da
   return figures;
 }
 
-// Mean error with what 95 % stay below, and how many errors the published radius holds.
+// Plots mean and 95th percentile of the error, and the share of errors inside the published radius.
 void plot_touch(const json& touch, const std::filesystem::path& folder) {
   const json& bands = touch.at("by_plate_motion");
   if (bands.empty()) return;

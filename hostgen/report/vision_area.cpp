@@ -22,12 +22,12 @@ using nlohmann::json;
 namespace {
 
 constexpr double kFramesPerSecond = 60;
-constexpr std::uint64_t kSeed = 4242;  // of no session that anything was trained or tuned on
-// A rotation that is further off than this is taken for the other pose of its square: noise tilts by a degree or two.
+constexpr std::uint64_t kSeed = 4242;  // not used by any training or tuning
+// A rotation error above this counts as a flip to the square's mirror pose; noise tilts by a degree or two.
 constexpr double kFlipDeg = 6;
 
-constexpr double kSmoothing_ms = 33.3;         // two frames; the touch moves meanwhile
-constexpr double kBands_mm[] = {2, 4, 7, 12};  // of the largest plate motion; each up to the next, the last open
+constexpr double kSmoothing_ms = 33.3;         // two frames
+constexpr double kBands_mm[] = {2, 4, 7, 12};  // lower limits, of the largest plate motion; the last band is open
 
 /// Errors of the touches of one band of plate motion.
 struct Band {
@@ -49,10 +49,10 @@ struct Band {
   }
 };
 
-/// The errors of one way from corners to touches.
+/// The errors of one method from corners to touches.
 class Score {
  public:
-  /// `level_permille`: the deformation level of this frame, not-a-number if the way has none.
+  /// `level_permille`: the deformation level of this frame, NaN if the method has none.
   void add(const PlatePoses& poses, const Touch& touch, double level_permille, const FemState& truth, double rated_mm) {
     ++frames_;
     bool flipped = false;
@@ -130,15 +130,14 @@ Frame frame_of(const std::vector<std::uint8_t>& grey, const Lens& camera, std::s
           .sequence = static_cast<std::uint32_t>(number)};
 }
 
-/// What this thread has computed so far: without the times in which other programs, or a virtual machine's other
-/// guests, had its core.
+/// Processor time of this thread: without the time in which other programs, or other guests of the host, had its core.
 double thread_cpu_ms() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
   return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
-/// A way from corners to touches.
+/// A method from corners to touches.
 class Way {
  public:
   Way(const Model& model, const Lens& lens, PoseMethod method)
@@ -165,7 +164,7 @@ class Way {
   std::vector<double> estimate_us_;  ///< corners to plates
 };
 
-/// One preset at one image size. The loop gives the registers' level and the times, the stages beside it the rest.
+/// One preset at one image size. The frame loop gives level and times; the stages, run beside it, the rest.
 json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, const std::string& preset,
                 const std::vector<FemState>& states, Progress& progress) {
   constexpr double kNoLevel = std::numeric_limits<double>::quiet_NaN();
@@ -217,7 +216,7 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
   return figures;
 }
 
-/// The ways from corners to plates, one below the other.
+/// One row per method from corners to plates.
 json method_rows(const std::string& preset, const json& figures) {
   json rows = json::array();
   for (const auto& [method, of] : {std::pair{"joint estimate", figures},

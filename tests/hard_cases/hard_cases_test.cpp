@@ -54,14 +54,14 @@ struct Finger {
 void check(const HardCaseResult& result) {
   char line[256];
   std::snprintf(line, sizeof line, "%-72s %6d frames, %4d flagged, %2d steps, %9.2e mm, at the end %9.2e mm%s",
-                result.name.c_str(), result.frames, result.flagged, result.most_steps, result.worst_mm, result.end_mm,
+                result.name.c_str(), result.frames, result.flagged, result.max_steps, result.worst_mm, result.end_mm,
                 result.end_flagged ? ", flagged" : "");
   MESSAGE(line);
   CAPTURE(result.name);
   CHECK(result.non_finite == 0);
   CHECK(result.inverted_unflagged == 0);
   CHECK(result.inverted == 0);
-  CHECK(result.most_steps <= result.allowed_steps);
+  CHECK(result.max_steps <= result.allowed_steps);
   CHECK(result.worst_mm <= result.allowed_mm);
   CHECK(result.end_mm <= result.allowed_end_mm);
   CHECK((result.may_end_flagged || !result.end_flagged));
