@@ -122,7 +122,7 @@ void add_numbers(const MountModel& mount, std::vector<HardCase>& cases) {
   for (const auto& [name, value] : bad) {
     HardMotion motion(mount);
     motion.bend({10, 0, 10});
-    for (int i = 0; i < 18; ++i) motion.spoil(i, value);
+    for (int i = 0; i < kPoseDims; ++i) motion.spoil(i, value);
     cases.push_back({std::string(name) + " in every number", motion.hold(10), kNoLimit});
   }
   HardMotion turns(mount);

@@ -75,7 +75,8 @@ HardMotion& HardMotion::noise(double size) {
   constexpr double kSigma[6] = {kLateral_mm, kDepth_mm, kLateral_mm, kTilt, kRoll, kTilt};  // the camera looks along y
   Random random(1);
   for (PlatePoses& poses : frames)
-    for (int i = 0; i < 18; ++i) number_of(poses, i) += static_cast<float>(size * kSigma[i % 6] * random.normal());
+    for (int i = 0; i < kPoseDims; ++i)
+      number_of(poses, i) += static_cast<float>(size * kSigma[i % 6] * random.normal());
   return *this;
 }
 

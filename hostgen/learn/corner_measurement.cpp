@@ -23,7 +23,7 @@ std::array<float, kPlates> CornerMeasurement::measure(const std::array<bool, kPl
                                                       PoseVector& numbers) const {
   const View& view = views_[random.index(views_.size())];
   const double scatter = std::exp(random.uniform(std::log(kMinScatter_px), std::log(kMaxScatter_px))) / view.focal_px;
-  const PlatePoses truth = seen_poses({numbers.data(), 18});
+  const PlatePoses truth = seen_poses({numbers.data(), kPoseDims});
   PlateSight sight;
   sight.seen = seen;
   for (std::size_t p = 0; p < kPlates; ++p) {

@@ -14,17 +14,19 @@ constexpr double kFractions[] = {0.0, 0.25, 0.5, 0.75, 1.0};
 // lie near a three-dimensional surface) and keeps the completion of unseen plates from amplifying noise.
 constexpr double kNoise_mm = 0.1, kNoise_rad = 0.005;
 
+using PoseMatrix = Eigen::Matrix<double, kPoseDims, kPoseDims>;
+
 }  // namespace
 
 PlatePrior PlatePriorData::view() const { return {mean, covariance, noise}; }
 
 PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseNoise, kPlates>& noise) {
-  Eigen::Matrix<double, 18, 1> sum = Eigen::Matrix<double, 18, 1>::Zero();
-  Eigen::Matrix<double, 18, 18> squares = Eigen::Matrix<double, 18, 18>::Zero();
+  PoseVectorOf<double> sum = PoseVectorOf<double>::Zero();
+  PoseMatrix squares = PoseMatrix::Zero();
   double count = 0;
   for (const FemState& state : dataset.states) {
     if (!state.valid()) continue;
-    const Eigen::Matrix<double, 18, 1> numbers = touch_sample(state).numbers.cast<double>();
+    const PoseVectorOf<double> numbers = touch_sample(state).numbers.cast<double>();
     for (const double fraction : kFractions) {
       sum += fraction * numbers;
       squares += fraction * fraction * numbers * numbers.transpose();
@@ -32,12 +34,12 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
     }
   }
   if (count == 0) throw std::runtime_error("training set: no valid state, so no prior over the plate motions");
-  const Eigen::Matrix<double, 18, 1> mean = sum / count;
-  Eigen::Matrix<double, 18, 18> covariance = squares / count - mean * mean.transpose();
-  for (int i = 0; i < 18; ++i) covariance(i, i) += i % 6 < 3 ? kNoise_mm * kNoise_mm : kNoise_rad * kNoise_rad;
+  const PoseVectorOf<double> mean = sum / count;
+  PoseMatrix covariance = squares / count - mean * mean.transpose();
+  for (int i = 0; i < kPoseDims; ++i) covariance(i, i) += i % 6 < 3 ? kNoise_mm * kNoise_mm : kNoise_rad * kNoise_rad;
 
   PlatePriorData prior;
-  for (int i = 0; i < 18; ++i) prior.mean.push_back(static_cast<float>(mean[i]));
+  for (int i = 0; i < kPoseDims; ++i) prior.mean.push_back(static_cast<float>(mean[i]));
   for (const double value : covariance.reshaped()) prior.covariance.push_back(static_cast<float>(value));
   for (const PoseNoise& plate : noise) {
     for (const double sigma : plate.standard_deviations()) {

@@ -91,7 +91,7 @@ TierAtTouch judge(const char* tier, ShapeStage& stage, const ShapeSamples& sampl
     const PoseVector numbers = samples.poses.row(static_cast<Eigen::Index>(i)).transpose();
     stage.reset();
     const auto start = std::chrono::steady_clock::now();
-    const FingerShape& answer = stage.solve(seen_poses({numbers.data(), 18}));
+    const FingerShape& answer = stage.solve(seen_poses({numbers.data(), kPoseDims}));
     us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
     for (std::size_t k = 0; k < displacement_mm.size(); ++k) displacement_mm[k] = answer.node_mm[k] - shape.rest_mm[k];
     (samples.noisy[i] ? noisy : clean).add(samples.state[i], displacement_mm);

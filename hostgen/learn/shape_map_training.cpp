@@ -14,7 +14,6 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kNumbers = 18;
 // Relative to the mean size of a feature. Small enough to recover an exact quadratic map to 1e-4 of its size.
 constexpr double kRidge = 1e-6;
 
@@ -41,14 +40,14 @@ Eigen::MatrixXd leading_directions(const Eigen::MatrixXd& samples, int rank) {
 // or rotation, so that a number that hardly moves is not blown up.
 std::vector<float> pose_scale(const Eigen::MatrixXf& poses) {
   constexpr float kSmallest = 0.05f;
-  std::vector<float> largest(kNumbers);
+  std::vector<float> largest(kPoseDims);
   float of_kind[2] = {0, 0};
-  for (std::size_t i = 0; i < kNumbers; ++i) {
+  for (std::size_t i = 0; i < kPoseDims; ++i) {
     largest[i] = poses.col(static_cast<int>(i)).cwiseAbs().maxCoeff();
     of_kind[i % 6 / 3] = std::max(of_kind[i % 6 / 3], largest[i]);
   }
-  std::vector<float> scale(kNumbers);
-  for (std::size_t i = 0; i < kNumbers; ++i) {
+  std::vector<float> scale(kPoseDims);
+  for (std::size_t i = 0; i < kPoseDims; ++i) {
     const float size = std::max(largest[i], kSmallest * of_kind[i % 6 / 3]);
     scale[i] = size > 0 ? 1.0f / size : 1.0f;
   }
@@ -57,13 +56,13 @@ std::vector<float> pose_scale(const Eigen::MatrixXf& poses) {
 
 // The features of ShapeMapModel without the constant one.
 Eigen::MatrixXd features(const Eigen::MatrixXf& poses, const std::vector<float>& scale) {
-  const Eigen::Map<const Eigen::RowVectorXf> factors(scale.data(), kNumbers);
+  const Eigen::Map<const Eigen::RowVectorXf> factors(scale.data(), kPoseDims);
   const Eigen::MatrixXd x = (poses.array().rowwise() * factors.array()).matrix().cast<double>();
   Eigen::MatrixXd result(poses.rows(), ShapeMapModel::kFeatures - 1);
-  result.leftCols(kNumbers) = x;
-  int column = kNumbers;
-  for (int i = 0; i < kNumbers; ++i) {
-    for (int j = i; j < kNumbers; ++j) result.col(column++) = x.col(i).cwiseProduct(x.col(j));
+  result.leftCols(kPoseDims) = x;
+  int column = kPoseDims;
+  for (int i = 0; i < kPoseDims; ++i) {
+    for (int j = i; j < kPoseDims; ++j) result.col(column++) = x.col(i).cwiseProduct(x.col(j));
   }
   return result;
 }
@@ -73,7 +72,7 @@ Eigen::MatrixXd features(const Eigen::MatrixXf& poses, const std::vector<float>&
 ShapeMapModel ShapeMapData::view() const { return {rank, scale, weights, basis}; }
 
 ShapeMapData fit_shape_map(const Eigen::MatrixXf& poses, const Eigen::MatrixXf& displacement_mm, int rank) {
-  if (poses.cols() != kNumbers || poses.rows() != displacement_mm.rows() || poses.rows() < 1 || rank < 1 ||
+  if (poses.cols() != kPoseDims || poses.rows() != displacement_mm.rows() || poses.rows() < 1 || rank < 1 ||
       rank > std::min(displacement_mm.rows(), displacement_mm.cols())) {
     throw std::invalid_argument(
         "shape map: expected 18 plate numbers and one displacement per sample, and a rank from 1 to the number of "

@@ -59,7 +59,7 @@ ShapeSamples converged_shapes(const FingerSpec& spec, const ShapeModel& shape, c
     NewtonSolver<double> solver(shape, mount);
     for (std::size_t i = batch * kBatch; i < std::min(poses.size(), (batch + 1) * kBatch); ++i) {
       if (interrupted()) throw Interrupted();
-      shapes[i] = converged_displacement(solver, shape, seen_poses({poses[i].numbers.data(), 18}));
+      shapes[i] = converged_displacement(solver, shape, seen_poses({poses[i].numbers.data(), kPoseDims}));
       progress.advance();
     }
   });
@@ -67,7 +67,7 @@ ShapeSamples converged_shapes(const FingerSpec& spec, const ShapeModel& shape, c
   ShapeSamples samples;
   const auto solved = std::count_if(shapes.begin(), shapes.end(), [](const auto& one) { return one.has_value(); });
   samples.failed = static_cast<int>(shapes.size()) - static_cast<int>(solved);
-  samples.poses.resize(solved, 18);
+  samples.poses.resize(solved, kPoseDims);
   samples.displacement_mm.resize(solved, static_cast<Eigen::Index>(shape.rest_mm.size()));
   Eigen::Index row = 0;
   for (std::size_t i = 0; i < shapes.size(); ++i) {
@@ -86,7 +86,7 @@ ShapeSamples contact_shapes(const FingerSpec& spec, const FemDataset& dataset, i
   const std::vector<PoseSample> poses = pose_samples(spec, dataset, noisy_copies, seed);
   const auto size = static_cast<Eigen::Index>(3 * dataset.mesh_nodes);
   ShapeSamples samples;
-  samples.poses.resize(static_cast<Eigen::Index>(poses.size()), 18);
+  samples.poses.resize(static_cast<Eigen::Index>(poses.size()), kPoseDims);
   samples.displacement_mm.resize(samples.poses.rows(), size);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const auto row = static_cast<Eigen::Index>(i);

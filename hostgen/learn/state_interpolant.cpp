@@ -52,9 +52,9 @@ StateInterpolant::StateInterpolant(const std::vector<FemState>& states) {
     for (int i = 0; i < level.points.rows(); ++i) {
       const TouchSample sample = touch_sample(*members[static_cast<std::size_t>(i)]);
       level.points.row(i) = sample.point_mm.head<2>().cast<double>() / kLength_mm;
-      level.values.row(i).head<18>() = sample.numbers.cast<double>() / force_n;
-      level.values.row(i).segment<3>(18) = sample.displacement_mm.cast<double>() / force_n;
-      level.values(i, 21) = sample.point_mm.z();
+      level.values.row(i).head<kPoseDims>() = sample.numbers.cast<double>() / force_n;
+      level.values.row(i).segment<3>(kPoseDims) = sample.displacement_mm.cast<double>() / force_n;
+      level.values(i, kValues - 1) = sample.point_mm.z();
     }
     fit(level);
     levels_.push_back(std::move(level));
@@ -117,9 +117,9 @@ TouchSample StateInterpolant::at(double x_mm, double y_mm, double force_n) const
     values += share * evaluate(levels_[k], x_mm / kLength_mm, y_mm / kLength_mm);
   }
   TouchSample sample;
-  sample.numbers = (force_n * values.head<18>()).cast<float>();
-  sample.displacement_mm = (force_n * values.segment<3>(18)).cast<float>();
-  sample.point_mm = Eigen::Vector3d(x_mm, y_mm, values[21]).cast<float>();
+  sample.numbers = (force_n * values.head<kPoseDims>()).cast<float>();
+  sample.displacement_mm = (force_n * values.segment<3>(kPoseDims)).cast<float>();
+  sample.point_mm = Eigen::Vector3d(x_mm, y_mm, values[kValues - 1]).cast<float>();
   sample.force_n = static_cast<float>(force_n);
   return sample;
 }

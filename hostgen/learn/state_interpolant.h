@@ -34,7 +34,7 @@ class StateInterpolant {
   double leave_one_out_mm() const;
 
  private:
-  static constexpr int kValues = 18 + 3 + 1;  // plates and displacement per newton, z of the point
+  static constexpr int kValues = kPoseDims + 3 + 1;  // plates and displacement per newton, z of the point
   struct Level {
     double force_n = 0;
     Eigen::MatrixX2d points;  // scaled x, y

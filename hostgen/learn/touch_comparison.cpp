@@ -74,7 +74,7 @@ cv::Ptr<cv::ml::StatModel> make_svm() {
   const auto svm = cv::ml::SVM::create();
   svm->setType(cv::ml::SVM::EPS_SVR);
   svm->setKernel(cv::ml::SVM::RBF);
-  svm->setGamma(1.0 / 18);
+  svm->setGamma(1.0 / kPoseDims);
   svm->setC(10);
   svm->setP(0.02);
   svm->setTermCriteria({cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100000, 1e-4});
@@ -126,7 +126,7 @@ States states_of(const FingerSpec& spec, const FemDataset& dataset, std::uint64_
   if (valid.size() < kMinStates)
     throw std::runtime_error("training set: fewer than 50 valid states; nothing to compare on");
   const auto count = static_cast<Eigen::Index>(valid.size());
-  States states{Eigen::MatrixXf(18, count), Eigen::MatrixXf(18, count), Eigen::MatrixXf(3, count), {}};
+  States states{Eigen::MatrixXf(kPoseDims, count), Eigen::MatrixXf(kPoseDims, count), Eigen::MatrixXf(3, count), {}};
   Random random(seed);
   for (Eigen::Index i = 0; i < count; ++i) {
     const FemState& state = *valid[static_cast<std::size_t>(i)];

@@ -73,7 +73,7 @@ class Measurements {
 constexpr int kDraws = 4096;
 TouchModelData fit_normalisation(Measurements& measurements) {
   TouchModelData model;
-  for (int i = 0; i < 18; ++i) model.scale.push_back(i % 6 < 3 ? 1.0f : kMillimetresPerRadian);
+  for (int i = 0; i < kPoseDims; ++i) model.scale.push_back(i % 6 < 3 ? 1.0f : kMillimetresPerRadian);
   model.input_mean.assign(TouchModel::kInputs, 0.0f);
   model.input_scale.assign(TouchModel::kInputs, 1.0f);
   Eigen::MatrixXf inputs(TouchModel::kInputs, kDraws), targets(kMeans, kDraws);

@@ -20,7 +20,7 @@ double radii(const TouchTrial& trial) {
 }
 
 PlatePoses poses_of(const PoseVector& numbers, const Measuring& how) {
-  PlatePoses poses = seen_poses({numbers.data(), 18});
+  PlatePoses poses = seen_poses({numbers.data(), kPoseDims});
   poses.seen = how.seen;
   poses.noise.fill(how.noise);
   return poses;

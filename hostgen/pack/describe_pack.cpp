@@ -114,7 +114,8 @@ void describe_self_test(std::string& text, const Model& model) {
   for (int c = 0; c < model.self_test.cases; ++c) {
     float motion_mm = 0;
     for (int p = 0; p < kPlates; ++p) {
-      motion_mm = std::max(motion_mm, Eigen::Map<const Vec3f>(model.self_test.poses.data() + 18 * c + 6 * p).norm());
+      motion_mm =
+          std::max(motion_mm, Eigen::Map<const Vec3f>(model.self_test.poses.data() + kPoseDims * c + 6 * p).norm());
     }
     const float* touch = model.self_test.touch.data() + 7 * c;
     print(text, "  case %-3d    plates move up to %5.2f mm -> touch at %6.2f %6.2f %6.2f mm, %5.2f N\n", c,

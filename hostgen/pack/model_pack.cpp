@@ -39,13 +39,13 @@ void add_shape(TensorFile& tensors, const ShapeModel& shape) {
 }
 
 void add_shape_map(TensorFile& tensors, const tensor::MapNames& names, const ShapeMapModel& map, std::int64_t nodes) {
-  tensors.add(names.scale, {18}, map.scale);
+  tensors.add(names.scale, {kPoseDims}, map.scale);
   tensors.add(names.weights, {map.rank, ShapeMapModel::kFeatures}, map.weights);
   tensors.add(names.basis, {map.rank, 3 * nodes}, map.basis);
 }
 
 void add_touch(TensorFile& tensors, const TouchModel& touch) {
-  tensors.add(tensor::kTouchScale, {18}, touch.scale);
+  tensors.add(tensor::kTouchScale, {kPoseDims}, touch.scale);
   tensors.add(tensor::kTouchInputMean, {TouchModel::kInputs}, touch.input_mean);
   tensors.add(tensor::kTouchInputScale, {TouchModel::kInputs}, touch.input_scale);
   tensors.add(tensor::kTouchOutputMean, {TouchModel::kOutputs}, touch.output_mean);
@@ -72,7 +72,7 @@ void add_mount(TensorFile& tensors, const MountModel& mount) {
 }
 
 void add_self_test(TensorFile& tensors, const SelfTestModel& self_test, std::int64_t nodes, bool has_contact_map) {
-  tensors.add(tensor::kSelfTestPoses, {self_test.cases, 18}, self_test.poses);
+  tensors.add(tensor::kSelfTestPoses, {self_test.cases, kPoseDims}, self_test.poses);
   tensors.add(tensor::kSelfTestShape, {self_test.cases, 3 * nodes}, self_test.shape_mm);
   tensors.add(tensor::kSelfTestTouch, {self_test.cases, 7}, self_test.touch);
   tensors.add(tensor::kSelfTestRegisters, {self_test.cases, kMeasurementRegisters}, self_test.registers);
@@ -101,9 +101,9 @@ TensorFile pack_tensors(const PackViews& views) {
   add_shape_map(tensors, tensor::kShapeMap, views.shape_map, views.shape.nodes);
   if (views.contact_map) add_shape_map(tensors, tensor::kContactMap, views.contact_map, views.shape.nodes);
   add_touch(tensors, views.touch);
-  tensors.add(tensor::kPriorMean, {18}, views.prior.mean);
-  tensors.add(tensor::kPriorCovariance, {18, 18}, views.prior.covariance);
-  tensors.add(tensor::kPriorNoise, {18}, views.prior.noise);
+  tensors.add(tensor::kPriorMean, {kPoseDims}, views.prior.mean);
+  tensors.add(tensor::kPriorCovariance, {kPoseDims, kPoseDims}, views.prior.covariance);
+  tensors.add(tensor::kPriorNoise, {kPoseDims}, views.prior.noise);
   add_mount(tensors, views.mount);
   add_self_test(tensors, views.self_test, views.shape.nodes, bool{views.contact_map});
   return tensors;

@@ -66,7 +66,7 @@ Learner regression_learner(Eigen::MatrixXf inputs, const Rows& rows, const Regre
 }
 
 Eigen::MatrixXf paper_inputs(const Rows& rows) {
-  Eigen::MatrixXf inputs(18, rows.pen_mm.cols());
+  Eigen::MatrixXf inputs(kPoseDims, rows.pen_mm.cols());
   for (Eigen::Index i = 0; i < inputs.cols(); ++i) {
     const PlateMotion& plate = rows.poses[static_cast<std::size_t>(i)].plates[kTopPlate];
     for (int copy = 0; copy < 3; ++copy) {

@@ -150,7 +150,7 @@ json run_case(ContactForceSolver& solver, const FingerSpec& spec, const TetMesh&
     if (interrupted()) throw Interrupted();
     PoseVector noisy = pose_vector(clean);
     add_noise(spec.noise, random, noisy);
-    const PlatePoses measured = seen_poses({noisy.data(), 18});
+    const PlatePoses measured = seen_poses({noisy.data(), kPoseDims});
     const ContactForces found = solver.gauss_newton(measured);
     const json figures = draw_figures(touch, truth_mm, mesh, found);
     for (const auto& [key, value] : figures.items()) row[key] = row.value(key, 0.0) + value.get<double>() / draws;

@@ -138,9 +138,9 @@ double thread_cpu_ms() {
 }
 
 /// A method from corners to touches.
-class Way {
+class Method {
  public:
-  Way(const Model& model, const Lens& lens, PoseMethod method)
+  Method(const Model& model, const Lens& lens, PoseMethod method)
       : stage_(model.mount, model.prior, lens, method), touch_(model) {}
 
   const PlatePoses& add(const MarkerCorners& corners, double level_permille, const FemState& truth, double rated_mm) {
@@ -174,7 +174,7 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
   FrameLoop loop(model, lens, LoopSettings{});
   MarkerStage markers(model, lens);
-  Way joint(model, lens, PoseMethod::kJoint), alone(model, lens, PoseMethod::kPublished);
+  Method joint(model, lens, PoseMethod::kJoint), alone(model, lens, PoseMethod::kPublished);
   PoseFilter filter(kSmoothing_ms);
   TouchStage smoothed_touch(model);
   Score smoothed_score;

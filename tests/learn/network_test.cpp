@@ -43,7 +43,7 @@ TEST_CASE("network: gradients agree with finite differences in every layer") {
   network.backward(network.forward(inputs) - targets);
   const std::vector<Network::Layer> gradients = network.gradients();
   const auto loss = [&] { return half_square(network.forward(inputs) - targets); };
-  // Steps small enough to cross almost no ReLU corner; the loss is summed in double.
+  // Steps are small enough to cross hardly any kink of a ReLU; the loss is summed in double.
   const float step = 2e-3f;
   for (std::size_t l = 0; l < gradients.size(); ++l) {
     double difference_sq = 0, size_sq = 0;
@@ -85,7 +85,7 @@ TEST_CASE("network: Adam fits a known function") {
     network.backward((network.forward(inputs) - targets) / 64.0f);
     adam.step(network, cosine_rate(5e-3f, step, kSteps));
   }
-  draw();  // points that it has not seen
+  draw();  // points that it was not trained on
   const double rms = std::sqrt(2 * half_square(network.forward(inputs) - targets) / 64);
   CHECK(rms < 0.02);
 }
@@ -110,7 +110,7 @@ TEST_CASE("network: Adam's first step moves every weight by the rate against its
   CHECK(moved > 5);
 }
 
-TEST_CASE("network: the learning rate rises from nearly nothing and ends at nothing") {
+TEST_CASE("network: the learning rate rises from nearly zero and ends at zero") {
   CHECK(cosine_rate(1, 0, 1000) < 0.01f);
   CHECK(cosine_rate(1, 500, 1000) == doctest::Approx(0.5));
   CHECK(cosine_rate(1, 999, 1000) < 1e-5f);

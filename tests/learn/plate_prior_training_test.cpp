@@ -62,7 +62,7 @@ TEST_CASE("plate prior: a missing plate of a touched finger is completed far bet
   CHECK(completed_sq < 0.1 * mean_sq);
 }
 
-TEST_CASE("plate prior: invalid states are ignored, and none at all is refused") {
+TEST_CASE("plate prior: ignores invalid states, and refuses a training set without valid ones") {
   FemDataset dataset = test::synthetic_dataset();
   const PlatePriorData expected = fit_plate_prior(dataset, test::synthetic_spec().noise);
   FemState broken = dataset.states[0];

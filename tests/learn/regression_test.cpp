@@ -24,7 +24,7 @@ Samples draw(int count, std::uint64_t seed) {
 
 }  // namespace
 
-TEST_CASE("regression: a smooth function is learnt whatever the sizes of inputs and outputs") {
+TEST_CASE("regression: learns a smooth function whatever the scales of inputs and outputs") {
   const Samples samples = draw(500, 1), fresh = draw(100, 2);
   int ticks = 0;
   Regression network(samples.inputs, samples.targets,

@@ -14,7 +14,7 @@ using namespace finsight::host;
 
 namespace {
 
-/// A column with few states, and a pack that holds its maps; what tells touches in it is of no finger.
+/// A column with few states, and a pack with its maps; the pack's touch network is arbitrary.
 struct Finger {
   Finger() {
     for (PoseNoise& noise : spec.noise) noise = {0.001, 0.005, 0.0002, 0.0001};
@@ -80,7 +80,8 @@ TEST_CASE("shape at touch: unseen states are valid ones of points that are not i
   CHECK_THROWS_AS(unseen_states(finger().spec, finger().mesh, all, 2, 1), std::runtime_error);
 }
 
-TEST_CASE("shape at touch: held-out points of the set itself say the same, against the converged energy method") {
+TEST_CASE(
+    "shape at touch: on held-out points of the set, too, the contact-aware map beats the converged energy method") {
   const ShapeAtTouch shape = measure_shape_at_touch(finger().spec, finger().open(), finger().dataset, 5, 1);
   CHECK(shape.states == 5);
   CHECK(shape.contact_aware_clean.touch_point_mm < shape.energy_clean.touch_point_mm);

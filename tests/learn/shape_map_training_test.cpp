@@ -88,7 +88,7 @@ TEST_CASE("shape map: no motion is exactly no displacement, because the constant
   Random random(5);
   const QuadraticFinger finger(4, 20, random);
   Samples samples = draw(finger, 100, random);
-  samples.displacement_mm.array() += 0.3f;  // a pull that a constant would take
+  samples.displacement_mm.array() += 0.3f;  // an offset that a constant would absorb
   const ShapeMapData map = fit_shape_map(samples.poses, samples.displacement_mm, 4);
   for (std::size_t r = 0; r < 4; ++r) CHECK(map.weights[r * ShapeMapModel::kFeatures] == 0);
   CHECK(answer(map.view(), Eigen::VectorXf::Zero(18)).norm() == 0);
@@ -98,7 +98,7 @@ TEST_CASE("shape map: the basis is orthonormal and spans what a dense singular v
   Random random(6);
   const int samples = 90, size = 60, rank = 6;
   Eigen::MatrixXf displacement = QuadraticFinger::random_matrix(samples, size, random);
-  for (int i = 0; i < size; ++i) displacement.col(i) *= std::pow(0.7f, float(i));  // a falling spectrum
+  for (int i = 0; i < size; ++i) displacement.col(i) *= std::pow(0.7f, float(i));  // a decaying spectrum
   Eigen::MatrixXf poses(samples, 18);
   for (int s = 0; s < samples; ++s) poses.row(s) = random_pose(random).transpose();
   const ShapeMapData map = fit_shape_map(poses, displacement, rank);
@@ -109,7 +109,7 @@ TEST_CASE("shape map: the basis is orthonormal and spans what a dense singular v
   for (int r = 0; r < rank; ++r) CHECK(std::abs(basis.row(r).dot(svd.matrixV().col(r))) > 0.999f);
 }
 
-TEST_CASE("shape map: a plate number that never moves, and a finger that never moves, do no harm") {
+TEST_CASE("shape map: copes with a plate number that never moves, and with a finger that never moves") {
   Random random(7);
   const QuadraticFinger finger(3, 15, random);
   Samples samples = draw(finger, 300, random);
@@ -122,7 +122,7 @@ TEST_CASE("shape map: a plate number that never moves, and a finger that never m
   for (const float number : still.basis) CHECK(std::isfinite(number));
 }
 
-TEST_CASE("shape map: matrices that do not belong together are refused") {
+TEST_CASE("shape map: refuses matrices whose sizes do not agree") {
   CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(30, 17), Eigen::MatrixXf::Zero(30, 45), 3),
                   std::invalid_argument);
   CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(29, 18), Eigen::MatrixXf::Zero(30, 45), 3),

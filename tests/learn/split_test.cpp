@@ -6,7 +6,7 @@
 
 using namespace finsight::host;
 
-TEST_CASE("split: 7 tenths train, 2 tenths test, none does both, another seed is another split") {
+TEST_CASE("split: seven tenths train, two tenths test, none does both, and another seed gives another split") {
   const Split split = random_split(1000, 3);
   CHECK(split.train.size() == 700);
   CHECK(split.test.size() == 200);
@@ -18,7 +18,7 @@ TEST_CASE("split: 7 tenths train, 2 tenths test, none does both, another seed is
   CHECK(random_split(1000, 4).test != split.test);
 }
 
-TEST_CASE("split: groups stay together, and every sample tests once") {
+TEST_CASE("split: groups stay together, and every sample is in one test set") {
   std::vector<int> group;
   for (int i = 0; i < 60; ++i) group.push_back(7 * (i % 13));
   std::vector<int> tested(group.size());

@@ -19,7 +19,7 @@ double plate_error_sq(const TouchSample& a, const TouchSample& b) {
 
 }  // namespace
 
-TEST_CASE("state interpolant: gives the computed states back") {
+TEST_CASE("state interpolant: reproduces the computed states") {
   const FemDataset dataset = test::synthetic_dataset();
   const StateInterpolant interpolant(dataset.states);
   for (const FemState& state : dataset.states) {
@@ -32,7 +32,7 @@ TEST_CASE("state interpolant: gives the computed states back") {
   }
 }
 
-TEST_CASE("state interpolant: between points and forces, and below the lowest force, it is near the true finger") {
+TEST_CASE("state interpolant: is close to the true finger between points and forces and below the lowest force") {
   const StateInterpolant interpolant(test::synthetic_dataset().states);
   for (const double x : {-13.0, 2.0, 11.0}) {
     for (const double y : {22.0, 47.0, 71.0, 95.0}) {
@@ -46,7 +46,7 @@ TEST_CASE("state interpolant: between points and forces, and below the lowest fo
   }
 }
 
-TEST_CASE("state interpolant: no force is no motion") {
+TEST_CASE("state interpolant: without force there is no motion") {
   const TouchSample rest = StateInterpolant(test::synthetic_dataset().states).at(3, 50, 0);
   CHECK(rest.numbers.norm() == 0);
   CHECK(rest.displacement_mm.norm() == 0);
@@ -83,7 +83,7 @@ TEST_CASE("state interpolant: invalid states are not used, and a path that ends 
   CHECK(interpolant.at(place.x(), place.y(), 2).numbers.allFinite());
 }
 
-TEST_CASE("state interpolant: two paths at one contact point do no harm") {
+TEST_CASE("state interpolant: copes with two paths at one contact point") {
   FemDataset dataset = test::synthetic_dataset();
   const FemDataset copy = dataset;
   for (int k = 0; k < 5; ++k) {

@@ -1,5 +1,5 @@
-// A finger in closed form for tests: a clamped beam with a dimple under the touch. Not physics to the digit, but
-// smooth, slightly nonlinear, and the touch can be told from the plates.
+// A finger in closed form for tests: a clamped beam with a dimple under the touch. Not accurate physics, but
+// smooth, slightly nonlinear, and with plate motions that determine the touch.
 #pragma once
 
 #include <cmath>

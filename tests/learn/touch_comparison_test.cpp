@@ -7,7 +7,7 @@
 using namespace finsight;
 using namespace finsight::host;
 
-TEST_CASE("touch comparison: every method of table 2 learns a smooth finger, and noise costs all of them") {
+TEST_CASE("touch comparison: every method of table 2 learns a smooth finger, and noise makes all of them worse") {
   const std::vector<MethodScore> scores =
       compare_methods(test::synthetic_spec(), test::synthetic_dataset(), {.steps = 300});
   REQUIRE(scores.size() == 5);

@@ -75,7 +75,7 @@ TEST_CASE("touch network: the first part of the training sees squared errors onl
   CHECK(gradient.bottomRows(4).norm() == 0);
 }
 
-TEST_CASE("touch network: a wild sample pulls a mean and its deviation only so far") {
+TEST_CASE("touch network: an outlier's pull on a mean and its deviation is bounded") {
   Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(11, 1), targets = Eigen::MatrixXf::Zero(7, 1), gradient;
   targets(0, 0) = 1e4f;
   touch_loss_gradient(outputs, targets, true, gradient);
@@ -98,7 +98,7 @@ Eigen::MatrixXf rounded_sums(const TouchNetwork& trained) {
          Eigen::Map<const Eigen::VectorXf>(layer.bias.data(), layer.outputs);
 }
 
-// The same with every weight rounded by itself.
+// The same with every weight rounded independently.
 Eigen::MatrixXf naive_sums(const TouchNetwork& trained) {
   const Network::Layer& layer = trained.network.layers()[0];
   const Eigen::ArrayXf scale = (layer.weights.cwiseAbs().rowwise().maxCoeff() / 127).array().max(1e-30f);
@@ -108,7 +108,7 @@ Eigen::MatrixXf naive_sums(const TouchNetwork& trained) {
 
 }  // namespace
 
-TEST_CASE("touch network: int8 weights use their range, and a channel without weights stays one") {
+TEST_CASE("touch network: int8 weights use their range, and a channel of zero weights gets scale one") {
   TouchNetwork trained = short_training(1);
   trained.network.layers()[1].weights.row(3).setZero();
   quantise(trained);
@@ -126,7 +126,7 @@ TEST_CASE("touch network: int8 weights use their range, and a channel without we
   for (int i = 0; i < middle.inputs; ++i) CHECK(middle.weights[std::size_t(3 * middle.inputs + i)] == 0);
 }
 
-TEST_CASE("touch network: rounding changes the outputs less than rounding every weight by itself") {
+TEST_CASE("touch network: compensated rounding changes the outputs less than independent rounding") {
   TouchNetwork trained = short_training(1);
   quantise(trained);
   const Network::Layer& layer = trained.network.layers()[0];
@@ -136,7 +136,7 @@ TEST_CASE("touch network: rounding changes the outputs less than rounding every 
   CHECK(repaired > 0);
 }
 
-TEST_CASE("touch network: the same seed trains the same bytes, another seed others") {
+TEST_CASE("touch network: the same seed gives the same bytes, another seed different ones") {
   TouchNetwork a = short_training(1), b = short_training(1), c = short_training(2);
   CHECK(a.network.layers()[1].weights == b.network.layers()[1].weights);
   CHECK(a.network.layers()[2].bias == b.network.layers()[2].bias);
@@ -162,7 +162,7 @@ TEST_CASE("touch samples: noise has the spec's deviations along the camera's axe
   for (int i = 0; i < 6; ++i) CHECK(sigma[6 + i] == doctest::Approx(expected[i]).epsilon(0.03));
 }
 
-TEST_CASE("touch samples: one touch in twenty swings, as the square of the height, and turns by its slope") {
+TEST_CASE("touch samples: one touch in twenty swings with the square of the height and rotates with its slope") {
   Random random(3);
   int swings = 0;
   for (int i = 0; i < 2000; ++i) {
@@ -182,7 +182,7 @@ TEST_CASE("touch samples: one touch in twenty swings, as the square of the heigh
   CHECK(numbers.isZero());
 }
 
-TEST_CASE("touch samples: mostly all plates are seen, never none") {
+TEST_CASE("touch samples: mostly all plates are seen, and always at least one") {
   Random random(4);
   int counts[4] = {}, each[3] = {};
   for (int i = 0; i < 10000; ++i) {

@@ -44,7 +44,7 @@ TEST_CASE("touch score: calibration makes the radius hold 68 % of the errors and
   CHECK(double(model.output_mean[10]) == doctest::Approx(std::log(calibration.force)));
 }
 
-TEST_CASE("touch score: trials below the threshold do not count, and none at all is no catastrophe") {
+TEST_CASE("touch score: ignores trials below the threshold, and copes with no trials at all") {
   std::vector<TouchTrial> trials = ramp(0, 5);
   const TouchScore alone = score(trials, 2);
   const std::vector<TouchTrial> weak = ramp(1, 1.9f);
@@ -57,8 +57,8 @@ TEST_CASE("touch score: trials below the threshold do not count, and none at all
 }
 
 TEST_CASE("touch score: in every band of plate motion the radius holds 68 % and twice the radius 95 %") {
-  // Errors in the plane whose size varies more than their normal distribution says, and a network that is wrong in each
-  // band in another way, and knows only half of what varies.
+  // Errors in the plane whose scale varies. The network's radius is wrong in each band in a different way, and follows
+  // only half of the variation.
   Random random(3);
   std::vector<TouchTrial> trials;
   for (int i = 0; i < 40000; ++i) {
@@ -100,10 +100,10 @@ TEST_CASE("touch score: figures of hand-made trials") {
   CHECK(result.coverage_95 == doctest::Approx(0.4).epsilon(0.03));
 }
 
-TEST_CASE("touch score: each half of the points gets the other half's calibration") {
+TEST_CASE("touch score: each half of the points is calibrated on the other half") {
   std::vector<TouchTrial> trials = ramp(3, 5);
   std::vector<TouchTrial> other = ramp(8, 5);
-  for (TouchTrial& trial : other) trial.error_mm *= 2;  // twice as wrong as the network thinks
+  for (TouchTrial& trial : other) trial.error_mm *= 2;  // twice as large as the network states
   trials.insert(trials.end(), other.begin(), other.end());
   // Path 3 is judged by a radius of 1.36 mm, path 8 (errors up to 2 mm) by one of 0.68 mm.
   const TouchScore judged = score(cross_calibrated(trials, 2), 2);
@@ -137,7 +137,7 @@ TEST_CASE("touch score: bands by plate motion and by force, and the curve of cov
   CHECK(curve[29] == doctest::Approx(0.6).epsilon(0.03));
 }
 
-TEST_CASE("touch score: int8 costs what the point moves") {
+TEST_CASE("touch score: the cost of int8 is how far the point moves") {
   std::vector<TouchTrial> trials = ramp(0, 5);
   for (TouchTrial& trial : trials) trial.quantisation_mm = trial.error_mm.y() / 10, trial.float_error_mm = 0.5f;
   const Quantisation cost = quantisation_cost(trials, 2);

@@ -31,7 +31,7 @@ const TouchTraining& trained() {
   return training;
 }
 
-// A fresh noisy measurement of a touch that no dataset holds.
+// A new noisy measurement of a touch that is in no dataset.
 struct Measured {
   FemState truth;
   PlatePoses poses;
@@ -101,7 +101,7 @@ TEST_CASE("touch training: held-out points of a smooth finger are found, and the
   CHECK(std::abs(result.held_out_noisy.coverage_68 - 0.68) < 0.15);
 }
 
-TEST_CASE("touch training: the model answers fresh touches with errors that its radius knows") {
+TEST_CASE("touch training: the errors of new touches are covered by the published radius") {
   const Statistics all = measure_many({true, true, true});
   CHECK(all.mean_error_mm < 3.5);
   CHECK(all.contact_mm < 4);

@@ -34,7 +34,7 @@ const Eigen::Vector3d kNothing = Eigen::Vector3d::Zero();
 
 }  // namespace
 
-TEST_CASE("mount check: a camera that was knocked is noticed after it stood still, and forgiven when it is back") {
+TEST_CASE("mount check: notices a knocked camera once it stands still, and clears when it is back") {
   Random random(1);
   MountCheck check;
   CHECK_FALSE(after(check, 400, kNothing, kNothing, random));
@@ -46,7 +46,7 @@ TEST_CASE("mount check: a camera that was knocked is noticed after it stood stil
   CHECK_FALSE(after(check, MountCheck::kFrames, kNothing, kNothing, random));
 }
 
-TEST_CASE("mount check: a camera that only turned is noticed, about any axis") {
+TEST_CASE("mount check: notices a camera that only turned, about any axis") {
   Random random(5);
   for (const Eigen::Vector3d& w : {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(0, 0.06, 0),
                                    Eigen::Vector3d(0, 0, -0.03), Eigen::Vector3d(0.15, 0, 0.1)}) {
@@ -67,7 +67,7 @@ TEST_CASE("mount check: a gripper that moves a little now and then does not hide
   CHECK_FALSE(after(check, MountCheck::kFrames - 1, {2, 0.5, -1}, {0.01, 0, -0.03}, random));
 }
 
-TEST_CASE("mount check: a slow drift is noticed, too") {
+TEST_CASE("mount check: notices a slow drift, too") {
   Random random(2);
   MountCheck check;
   bool moved = false;

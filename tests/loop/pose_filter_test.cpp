@@ -22,7 +22,7 @@ PlatePoses poses_at(float z_mm) {
 
 }  // namespace
 
-TEST_CASE("pose filter: a steady move comes out late by the delay") {
+TEST_CASE("pose filter: a steady motion is late by the delay") {
   PoseFilter filter(50);
   for (int frame = 0; frame < 100; ++frame) {
     PlatePoses poses = poses_at(0.1F * static_cast<float>(frame));
@@ -35,7 +35,7 @@ TEST_CASE("pose filter: a steady move comes out late by the delay") {
   }
 }
 
-TEST_CASE("pose filter: noise shrinks as it says") {
+TEST_CASE("pose filter: noise shrinks as documented") {
   PoseFilter filter(50);
   test::Random random(1);
   double square = 0, said = 0;
@@ -50,7 +50,7 @@ TEST_CASE("pose filter: noise shrinks as it says") {
   CHECK(said == doctest::Approx(std::sqrt(16.67 / (2 * 50 + 16.67))).epsilon(0.01));
 }
 
-TEST_CASE("pose filter: a gap, another set of plates and a pause begin anew") {
+TEST_CASE("pose filter: a gap, another set of plates or a pause restarts it") {
   PoseFilter filter(50);
   const auto after = [&](PlatePoses poses, std::int64_t at_ns) {
     filter.apply(poses, at_ns);

@@ -13,7 +13,7 @@ using test::TinyModel;
 
 namespace {
 
-/// The model, expecting what the firmware answers.
+/// The model, with the firmware's answers as expected ones.
 TinyModel with_answers(TinyModel tiny) {
   const Model model = tiny.open();
   for (std::size_t c = 0; c < TinyModel::kCases; ++c) {
@@ -44,7 +44,7 @@ const TinyModel& good() {
   return tiny;
 }
 
-/// What the self-test says to this model; "passed" if nothing.
+/// The self-test's message for this model, or "passed".
 doctest::String verdict(const TinyModel& tiny) {
   const Model model = tiny.open();
   try {
@@ -64,15 +64,15 @@ bool is_number(std::size_t address) { return measurement_row(static_cast<int>(ad
 
 }  // namespace
 
-TEST_CASE("self-test: a pack that expects what the firmware answers passes; its touched case is a touch") {
+TEST_CASE("self-test: passes a pack that expects the firmware's answers; its touched case is a touch") {
   CHECK(verdict(good()) == "passed");
   CHECK((good().test_registers[0] & kTouchValid) == 0);
   CHECK((good().test_registers[kTouched] & (kReady | kTouchValid | kShapeValid)) ==
         (kReady | kTouchValid | kShapeValid));
-  CHECK(good().test_registers[kTouched + 35] > 0);  // steps of the solver
+  CHECK(good().test_registers[kTouched + 35] > 0);  // iterations of the solver
 }
 
-TEST_CASE("self-test: every register that differs by two counts is refused by its number, one count passes") {
+TEST_CASE("self-test: names a register that differs by two counts, and accepts one count") {
   for (std::size_t address = 0; address < kMeasurementRegisters; ++address) {
     if (is_float_mirror(address)) continue;
     CAPTURE(address);
@@ -107,7 +107,7 @@ TEST_CASE("self-test: names the coordinate or touch number that is off") {
   CHECK(verdict(touch) == doctest::Contains("self-test case 1, touch number 6: found"));
 }
 
-TEST_CASE("self-test: asks the contact map too, if there is one") {
+TEST_CASE("self-test: tests the contact map, too, if there is one") {
   TinyModel shape = good(), registers = good(), without = good();
   REQUIRE(good().test_contact_registers[43] == static_cast<int>(ShapeSource::kContactMap));
   shape.test_contact_shape_mm[11] += 2 * kSelfTestShapeTolerance_mm;
@@ -118,7 +118,7 @@ TEST_CASE("self-test: asks the contact map too, if there is one") {
   CHECK(verdict(without) == "passed");
 }
 
-TEST_CASE("self-test: another network than the author's is refused") {
+TEST_CASE("self-test: refuses a changed network") {
   TinyModel tiny = good();
   tiny.bias[2][1] += 0.1f;  // of touch y
   CHECK(verdict(tiny) == doctest::Contains("self-test case 1, touch number 1: found"));

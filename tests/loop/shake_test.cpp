@@ -42,7 +42,7 @@ TEST_CASE("shake: it lasts for some frames and is over then, and the number of f
   CHECK(shake.update(top_at(2), frame++) == 0);
 }
 
-TEST_CASE("shake: frames that were dropped, and plates that were not seen, tell nothing") {
+TEST_CASE("shake: ignores frames around dropped ones and unseen plates") {
   Shake shake;
   std::uint32_t frame = 1;
   shake.update(top_at(0), frame++);

@@ -30,7 +30,7 @@ std::optional<bool> outcome(Zeroing& zeroing, PlatePoses poses, int frames) {
 
 }  // namespace
 
-TEST_CASE("zero: after 60 frames the finger as it is now is at rest") {
+TEST_CASE("zero: after 60 frames the finger's present pose is its rest") {
   Zeroing zeroing(3);
   zeroing.begin();
   CHECK_FALSE(outcome(zeroing, poses_at(1), 59));

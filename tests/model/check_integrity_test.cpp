@@ -1,4 +1,4 @@
-// One wrong byte, or a file cut short, never gets through, and the message says where it was.
+// A wrong byte or a truncated file is always refused, and the message says where it is.
 #include <doctest/doctest.h>
 
 #include <cstring>

@@ -1,4 +1,4 @@
-// Plans of the factorisation that would lead the solver out of its memory or to a wrong matrix.
+// Plans of the factorisation that would make the solver read beyond its memory or factor a wrong matrix.
 #include <doctest/doctest.h>
 
 #include <limits>
@@ -41,7 +41,7 @@ TEST_CASE("plan: one column per supernode and one supernode over all are both ac
   CHECK_NOTHROW(tiny.write(folder / "pack"));
 }
 
-TEST_CASE("plan: refuses an order that is no permutation") {
+TEST_CASE("plan: refuses an order that is not a permutation") {
   const HostileModel all[] = {
       {"twice", [](TinyModel& t) { t.order[3] = t.order[4]; }, "'cholesky.order': found 22 at position 4"},
       {"too large", [](TinyModel& t) { t.order[0] = 27; }, "found 27 at position 0, expected each of 0 to 26 once"},
@@ -124,7 +124,7 @@ TEST_CASE("plan: refuses rows that lack a place for what a column couples or an 
       {"coupled", [](TinyModel& t) { remove_row(t, 0, 0); }, "'cholesky.rows': found rows missing at supernode 0"},
       {"filled in",
        [](TinyModel& t) {
-         // The last row of a later column that is there only because of the elimination of another.
+         // The last row of a later column that exists only as fill-in of another.
          for (std::size_t s = supernode_with(t, 2);; ++s) {
            const auto first = t.pattern_row.begin() + t.pattern_start[s],
                       last = t.pattern_row.begin() + t.pattern_start[s + 1];
@@ -140,8 +140,8 @@ TEST_CASE("plan: refuses rows that lack a place for what a column couples or an 
   check_refused(all);
 }
 
-TEST_CASE("plan: refuses a factor that no board has the memory for") {
-  // 3000 nodes that are coupled with nothing, yet eliminated as one dense block.
+TEST_CASE("plan: refuses a factor too large for any board's memory") {
+  // 3000 uncoupled nodes, yet eliminated as one dense block.
   constexpr std::int32_t kBlocks = 3000;
   std::vector<std::int32_t> nodes(kBlocks), starts(kBlocks + 1), tets;
   std::iota(nodes.begin(), nodes.end(), 0);

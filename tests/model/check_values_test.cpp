@@ -1,4 +1,4 @@
-// Values of a well-formed pack that no finger can have.
+// Well-formed packs with values that no finger can have.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -41,7 +41,7 @@ TEST_CASE("values: refuses a mesh without base or without a plate") {
   check_refused(all);
 }
 
-TEST_CASE("values: refuses a free node that no tet holds") {
+TEST_CASE("values: refuses a free node that belongs to no tet") {
   const HostileModel all[] = {{"lonely",
                                [](TinyModel& t) {
                                  // Node 36 is free, at the front of the top level.
@@ -88,7 +88,7 @@ TEST_CASE("values: refuses a prior that is not a Gaussian") {
   check_refused(all);
 }
 
-TEST_CASE("values: refuses a mount that is no mount") {
+TEST_CASE("values: refuses an impossible mount") {
   const HostileModel all[] = {
       {"scaled", [](TinyModel& t) { t.parts.mount.T_finger_camera.linear() *= 1.01f; },
        "'mount.T_finger_camera': found a matrix that is no rigid motion"},

@@ -1,4 +1,4 @@
-// Packs with something wrong in them and checksums that are right: only the check under test can refuse them.
+// Packs with a fault but with correct checksums, so that only the check under test can refuse them.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -21,7 +21,7 @@ inline doctest::String refusal(const ScratchFolder& folder, const std::string& b
   return "accepted";
 }
 
-/// What is wrong with a tiny model, and part of the message that it must get.
+/// A fault in a tiny model, and part of the message that must name it.
 struct HostileModel {
   const char* what;
   std::function<void(TinyModel&)> spoil;

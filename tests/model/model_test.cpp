@@ -117,7 +117,7 @@ TEST_CASE("model: refuses every tensor that is missing, by name") {
   }
 }
 
-TEST_CASE("model: a pack of before there was a contact map opens without one") {
+TEST_CASE("model: an older pack without a contact map opens") {
   const ScratchFolder folder;
   TinyModel tiny;
   tiny.has_contact_map = false;

@@ -64,14 +64,14 @@ TEST_CASE("plate prior: completion equals the dense conditional mean for every s
   }
 }
 
-TEST_CASE("plate prior: with no plate seen the mean is given") {
+TEST_CASE("plate prior: with no plate seen gives the mean") {
   const TestPrior prior;
   PoseVector numbers = some_numbers();
   complete_from_prior(prior.view(), {false, false, false}, numbers);
   CHECK(numbers == Eigen::Map<const PoseVector>(prior.mean.data()));
 }
 
-TEST_CASE("plate prior: what stands in the unseen places does not matter, and the poses' other fields stay") {
+TEST_CASE("plate prior: previous values of unseen plates do not matter, and other fields of the poses stay") {
   const TestPrior prior;
   PlatePoses poses;
   poses.seen = {true, false, true};

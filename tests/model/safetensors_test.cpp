@@ -51,7 +51,7 @@ doctest::String refusal(const std::filesystem::path& file, std::size_t limit = s
 
 }  // namespace
 
-TEST_CASE("safetensors: reads a file of another writer") {
+TEST_CASE("safetensors: reads a file written by another program") {
   // As the reference implementation writes it: no padding needed, tensors in any order of the header.
   const ScratchFolder folder;
   const std::string header =
@@ -72,7 +72,7 @@ TEST_CASE("safetensors: reads a file of another writer") {
   CHECK_FALSE(file.has("__metadata__"));
 }
 
-TEST_CASE("safetensors: refuses a tensor that is not as asked for, with what it found") {
+TEST_CASE("safetensors: refuses a tensor of another type or shape, with what it found") {
   const ScratchFolder folder;
   const SafetensorsFile file =
       SafetensorsFile::open(folder.write("a.st", file_of(object(entry("t", "I32", "[2,3]", "[0,24]")), 24)));
@@ -163,7 +163,7 @@ TEST_CASE("safetensors: refuses hostile headers with the reason") {
   }
 }
 
-TEST_CASE("safetensors: refuses wrong lengths before it believes anything") {
+TEST_CASE("safetensors: refuses wrong lengths before it reads anything else") {
   const ScratchFolder folder;
   const std::string good = file_of(object(entry("t", "F32", "[2]", "[0,8]")), 8);
   const auto refused = [&](const std::string& bytes) { return refusal(folder.write("a", bytes)); };
@@ -185,7 +185,7 @@ TEST_CASE("safetensors: refuses wrong lengths before it believes anything") {
   CHECK(refusal(folder.write("a", good), good.size() - 1) == doctest::Contains("size: found"));
 }
 
-TEST_CASE("safetensors: refuses what is no file") {
+TEST_CASE("safetensors: refuses paths that are not regular files") {
   const ScratchFolder folder;
   CHECK(refusal(folder / "missing") == doctest::Contains("cannot be opened: No such file"));
   CHECK(refusal(folder.path()) == doctest::Contains("not a regular file"));

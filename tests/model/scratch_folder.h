@@ -1,4 +1,4 @@
-// A folder of a test's own, gone at its end.
+// A temporary folder for one test, removed at its end.
 #pragma once
 
 #include <stdlib.h>
@@ -22,7 +22,7 @@ class ScratchFolder {
 
   const std::filesystem::path& path() const { return path_; }
   std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
-  /// Writes a file of this name and returns where it is.
+  /// Writes a file of this name and returns its path.
   std::filesystem::path write(const std::string& name, std::string_view bytes) const {
     std::ofstream(path_ / name, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     return path_ / name;

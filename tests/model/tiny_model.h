@@ -1,5 +1,5 @@
 // A small valid model pack for tests: a bar of 72 tets, three rows of nodes as plates, a network of random weights. Its
-// self-test is only well-formed: whoever serves this pack must put the expected answers in.
+// self-test is only well-formed: tests that serve this pack must fill in the expected answers.
 #pragma once
 
 #include <algorithm>
@@ -78,9 +78,9 @@ struct TinyModel {
 
   void write(const std::filesystem::path& file) const { host::write_model_pack(file, views()); }
 
-  /// Written and opened as the firmware does it.
+  /// Writes the pack and opens it as the firmware does.
   Model open() const {
-    const ScratchFolder folder;  // the model maps the file, which lives on without a name
+    const ScratchFolder folder;  // the model keeps the file mapped after it is removed
     write(folder / "pack");
     return Model::open(folder / "pack");
   }

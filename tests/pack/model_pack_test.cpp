@@ -33,7 +33,7 @@ TEST_CASE("model pack: any change of a number, text or tensor changes the checks
   CHECK(different.size() == 4);
 }
 
-TEST_CASE("model pack: what the firmware refuses never gets the pack's name") {
+TEST_CASE("model pack: a pack that the firmware would refuse is never written under its name") {
   const ScratchFolder folder;
   TinyModel().write(folder / "pack");
   const std::string before = host::read_file(folder / "pack");

@@ -25,7 +25,7 @@ TensorFile example() {
 
 }  // namespace
 
-TEST_CASE("tensor file: writes exactly the bytes that the format asks for") {
+TEST_CASE("tensor file: writes exactly the bytes of the format") {
   const std::string header = R"({"__metadata__":{"a":"1","b":"a \"quoted\" text"},)"
                              R"("doubles":{"dtype":"F64","shape":[1,2],"data_offsets":[0,16]},)"
                              R"("empty":{"dtype":"I64","shape":[0,7],"data_offsets":[16,16]},)"

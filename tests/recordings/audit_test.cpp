@@ -20,7 +20,7 @@ std::string line_of(const std::string& table, const std::string& question) {
 
 }  // namespace
 
-TEST_CASE("audit: good recordings are good in all but what they lack") {
+TEST_CASE("audit: good recordings pass, except for the markers that they lack") {
   const RecordingAudit audit = audit_recordings(test::synthetic_recordings({}));
   CHECK(audit.rows == 16 * 90);
   CHECK(audit.recordings == 16);
@@ -42,7 +42,7 @@ TEST_CASE("audit: good recordings are good in all but what they lack") {
   CHECK(line_of(table, "markers").find("PROBLEM") != std::string::npos);
 }
 
-TEST_CASE("audit: each fault is found, and said as a problem") {
+TEST_CASE("audit: finds each fault and reports it as a problem") {
   const auto audited = [](const test::RecordingFaults& faults) {
     return audit_recordings(test::synthetic_recordings(faults));
   };
@@ -51,7 +51,8 @@ TEST_CASE("audit: each fault is found, and said as a problem") {
   };
   const RecordingAudit repeated = audited({.repeats = 2});
   CHECK(repeated.repeated == doctest::Approx(0.5));
-  CHECK(repeated.leaked == doctest::Approx(0.7).epsilon(0.08));  // the twin of a test row trains with 7 chances in 10
+  CHECK(repeated.leaked ==
+        doctest::Approx(0.7).epsilon(0.08));  // a test row's copy is in the training set with probability 0.7
   CHECK(problem(repeated, "repeated rows"));
   CHECK(problem(repeated, "random split"));
 

@@ -14,8 +14,8 @@ using namespace finsight::host;
 
 namespace {
 
-/// The small column, whose lower half is as deep as the front wall and whose upper half as the back wall says (6 mm at
-/// 4 mm); side walls and base ring are not part of it.
+/// A small column. The spec's front wall sets the depth of its lower half and the back wall that of its upper half (6
+/// mm for walls of 4 mm); side walls and base ring do not affect it.
 TetMesh column(const FingerSpec& spec) {
   TetMesh mesh = test::small_finger_mesh();
   for (auto& node : mesh.node_mm) {
@@ -44,7 +44,7 @@ FingerSpec column_spec(double front_wall_mm, double back_wall_mm, double youngs_
   return spec;
 }
 
-/// Pushes on the column, as a camera would see them that only sees the top plate.
+/// Pushes on the column, measured by a camera that sees only the top plate.
 std::vector<RecordedPush> pushes_on(const FingerSpec& spec) {
   FingerStatics statics(spec, column(spec));
   std::vector<RecordedPush> pushes;
@@ -73,12 +73,12 @@ const IdentifiedNumber& number(const Identification& found, const std::string& k
 
 }  // namespace
 
-TEST_CASE("identify: changed walls are found again, and what pushes cannot tell is said and kept") {
+TEST_CASE("identify: recovers changed walls; reports and keeps the numbers that pushes do not determine") {
   const Identification found = identify_spec(column_spec(4, 4, 10), pushes_on(column_spec(4.6, 3.5, 14)), column, 3);
   const IdentifiedNumber &front = number(found, "shape.front_wall_mm"), &back = number(found, "shape.back_wall_mm");
   REQUIRE(front.identifiable);
   REQUIRE(back.identifiable);
-  // Plates only tell how stiff the halves are beside each other.
+  // Plate motions only determine the ratio of the halves' stiffness.
   CHECK(front.after / back.after == doctest::Approx(4.6 / 3.5).epsilon(0.03));
   CHECK(front.sigma > 0);
   CHECK(found.rms_after_mm < 0.2 * found.rms_before_mm);
@@ -89,7 +89,7 @@ TEST_CASE("identify: changed walls are found again, and what pushes cannot tell 
   CHECK(found.failed == 0);
 }
 
-TEST_CASE("identify: right numbers stay as they are") {
+TEST_CASE("identify: correct numbers stay as they are") {
   const FingerSpec spec = column_spec(4, 4, 10);
   const Identification found = identify_spec(spec, pushes_on(spec), column, 1);
   CHECK(found.rms_after_mm <= found.rms_before_mm);

@@ -25,6 +25,6 @@ TEST_CASE("pen distance: a finger that does not move is as far from the pen as i
   const PenDistance still = measure_pen_distance(motion, model, 10);
   CHECK(still.rows == 10);
   CHECK(still.rest_mean_mm == doctest::Approx(0.5));
-  CHECK(still.mean_mm == doctest::Approx(0.5).epsilon(0.2));  // the prior moves the plates that are not seen a little
+  CHECK(still.mean_mm == doctest::Approx(0.5).epsilon(0.2));  // the prior gives the unseen plates a small motion
   CHECK(measure_pen_distance(motion, model, 1000).rows == 40);
 }

@@ -80,7 +80,7 @@ TEST_CASE("published files: points become rows, files become recordings in the o
   CHECK(motion.line == std::vector<int>{2, 3, 4});
 }
 
-TEST_CASE("published files: what is wrong is said with file, point and field") {
+TEST_CASE("published files: faults are reported with file, point and field") {
   struct Case {
     std::string bytes, said;
   };

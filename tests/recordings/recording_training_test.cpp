@@ -15,13 +15,13 @@ TEST_CASE("recording training: all networks learn a smooth finger, better where 
   CHECK(scores[0].method == "paper");
   for (const RecordingScore& score : scores) {
     CAPTURE(score.method);
-    CHECK(score.random.r2[1] > 0.5);  // near rest no plate tells where it is touched
+    CHECK(score.random.r2[1] > 0.5);  // near rest the plates do not determine the touch
     CHECK(score.random.rmse_mm[1] < score.by_point.rmse_mm[1]);
     CHECK(score.mean_mm > 0.2);  // the pen's own noise
   }
 }
 
-TEST_CASE("recording training: what the plate did before makes up for a noisy tilt") {
+TEST_CASE("recording training: the plate's recent motion makes up for a noisy tilt") {
   const auto scores = train_on_recordings(test::synthetic_recordings({.rotation_noise_rad = 0.1}, 12), nullptr,
                                           {.steps = 1000, .hidden = {24, 24}});
   REQUIRE(scores[1].method == "direction");
@@ -30,7 +30,7 @@ TEST_CASE("recording training: what the plate did before makes up for a noisy ti
   CHECK(scores[2].by_point.rmse_mm[1] < scores[1].by_point.rmse_mm[1]);
 }
 
-TEST_CASE("recording training: too few contact points cannot be split") {
+TEST_CASE("recording training: refuses too few contact points to split") {
   RecordedMotion motion = test::synthetic_recordings({}, 1);
   for (int& point : motion.surface_node) point %= 4;
   CHECK_THROWS_AS(train_on_recordings(motion, nullptr, {.steps = 1}), InputError);

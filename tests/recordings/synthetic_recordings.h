@@ -1,4 +1,4 @@
-// Recordings of a finger in closed form, with the faults that an audit must find put in one by one.
+// Recordings of a finger in closed form, into which a test puts the faults that an audit must find.
 #pragma once
 
 #include "firmware/ports/session.h"
@@ -9,8 +9,8 @@ namespace finsight::test {
 
 struct RecordingFaults {
   double rotation_noise_rad = 5e-3;  ///< of the plate, from row to row
-  double pen_noise_mm = 0.2;         ///< of a pen that is measured; 0: the touch was computed from the plate
-  int repeats = 1;                   ///< how often every row stands in the file
+  double pen_noise_mm = 0.2;         ///< of a measured pen; 0: the touch was computed from the plate
+  int repeats = 1;                   ///< how often the file repeats every row
   bool outlier = false;              ///< row 25 is 80 mm away
 };
 

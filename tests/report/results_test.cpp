@@ -17,7 +17,7 @@ using test::ScratchFolder;
 
 namespace {
 
-/// The keys that other programs read, from the design; a dot leads into an object.
+/// The keys that other programs read, from the design; a dot separates the levels of nested objects.
 constexpr const char* kPromised[] = {"machine",
                                      "commit",
                                      "profile",
@@ -95,7 +95,7 @@ json::json_pointer pointer(std::string name) {
   return json::json_pointer("/" + name);
 }
 
-/// Nulls without a reason beside them or beside an object that they are in.
+/// Nulls without a reason beside them or beside an enclosing object.
 std::string nulls_without_reason(const json& object, const std::string& prefix = "") {
   if (object.contains("why")) {
     CHECK(object["why"].get<std::string>().size() > 10);
@@ -136,7 +136,7 @@ TEST_CASE("results: a new file has every promised key, null with a reason") {
   CHECK(idle_reasons(results.all()) == "");
 }
 
-TEST_CASE("results: a measured area has its figures, how they came about, and no reason to be empty") {
+TEST_CASE("results: a measured area has its figures, the command that measured them, and no reason for nulls") {
   const ScratchFolder folder;
   Results results(folder / "results.json");
   results.measured("modbus", kModbus, "quick");
@@ -204,7 +204,7 @@ TEST_CASE("results: a damaged file is refused and stays as it is") {
   const ScratchFolder folder;
   for (const char* text : {"", "{\"modbus\": {", "[1, 2]", "null", "\x89PNG"}) {
     const auto file = folder.write("results.json", text);
-    CHECK_THROWS_WITH_AS(Results{file}, doctest::Contains("results.json: is not JSON; delete it to start anew"),
+    CHECK_THROWS_WITH_AS(Results{file}, doctest::Contains("results.json: is not JSON; delete it to start over"),
                          InputError);
     CHECK(std::filesystem::file_size(file) == std::string_view(text).size());
   }
@@ -242,7 +242,7 @@ TEST_CASE("results: the solver's and the build's own figures leave no null witho
   CHECK(std::filesystem::file_size(folder / "speed_error.svg") > 1000);
 }
 
-TEST_CASE("results: the page shows every figure of the file, and text cannot become markup") {
+TEST_CASE("results: the page shows every figure of the file, and escapes text") {
   const ScratchFolder folder;
   Results results(folder / "results.json");
   json modbus = kModbus;

@@ -59,8 +59,8 @@ Neighbours grid_graph(int nx, int ny, int nz) {
   return from_edges(nx * ny * nz, edges);
 }
 
-// A random symmetric positive definite matrix of this pattern: a graph of springs between blocks, plus a little on the
-// diagonal. Badly conditioned on purpose, like a stiffness matrix.
+// A random symmetric positive definite matrix of this pattern: springs between blocks, plus a little on the diagonal.
+// Badly conditioned on purpose, like a stiffness matrix.
 SparseMatrix random_matrix(const Neighbours& neighbours, double diagonal, Random& random) {
   std::vector<Eigen::Triplet<double>> entries;
   const auto add = [&](int a, int b, const Eigen::Matrix3d& block) {
@@ -188,7 +188,7 @@ TEST_CASE("cholesky: solves the Hessian of bent fingers of 1,000 to 19,000 tetra
   }
 }
 
-TEST_CASE("cholesky: factors of one front, of long chains and of a star are right") {
+TEST_CASE("cholesky: factors a single front, long chains and a star correctly") {
   Random random(3);
   std::set<std::pair<int, int>> all, chain, star;
   for (int a = 0; a < 60; ++a) {
@@ -200,7 +200,7 @@ TEST_CASE("cholesky: factors of one front, of long chains and of a star are righ
     CHECK(backward_error<double>(from_edges(60, edges), 1e-2, random) < 1e-14);
 }
 
-TEST_CASE("cholesky: the same values give the same factor again, whatever was factored between") {
+TEST_CASE("cholesky: the same values give the same factor, whatever was factored in between") {
   Random random(4);
   const Neighbours neighbours = grid_graph(5, 5, 5);
   const CholeskyPlanData plan = plan_cholesky(neighbours);
@@ -218,7 +218,7 @@ TEST_CASE("cholesky: the same values give the same factor again, whatever was fa
   CHECK(solve_for(first) == before);
 }
 
-TEST_CASE("cholesky: factor and solve in one go give what they give one after the other, to the bit") {
+TEST_CASE("cholesky: factor and solve in one call equal the two calls, bit for bit") {
   Random random(21);
   const Neighbours neighbours = grid_graph(6, 5, 4);
   const CholeskyPlanData plan = plan_cholesky(neighbours);
@@ -242,7 +242,7 @@ TEST_CASE("cholesky: factor and solve in one go give what they give one after th
   CHECK(y == before);
 }
 
-TEST_CASE("cholesky: a right-hand side per lane gives what each gives alone, to rounding") {
+TEST_CASE("cholesky: right-hand sides side by side give what each gives alone, to rounding") {
   Random random(6);
   const Neighbours neighbours = grid_graph(5, 6, 4);
   const CholeskyPlanData plan = plan_cholesky(neighbours);
@@ -258,7 +258,7 @@ TEST_CASE("cholesky: a right-hand side per lane gives what each gives alone, to 
   for (int lane = 0; lane < simd::kLanesOf<double>; ++lane) {
     std::vector<double> alone;
     for (const auto& row : right) {
-      const double value = row[lane];  // clang binds no reference to a lane
+      const double value = row[lane];  // clang cannot bind a reference to a lane
       alone.push_back(value);
     }
     cholesky.solve(alone);
@@ -269,7 +269,7 @@ TEST_CASE("cholesky: a right-hand side per lane gives what each gives alone, to 
   }
 }
 
-TEST_CASE("cholesky: refuses a negative pivot, a zero one, NaN and infinity, and recovers") {
+TEST_CASE("cholesky: refuses negative and zero pivots, NaN and infinity, and recovers") {
   Random random(5);
   const Neighbours neighbours = grid_graph(6, 5, 4);
   const CholeskyPlanData plan = plan_cholesky(neighbours);
@@ -294,7 +294,7 @@ TEST_CASE("cholesky: refuses a negative pivot, a zero one, NaN and infinity, and
   }
 }
 
-TEST_CASE("cholesky: denormal numbers are flushed inside and left alone outside") {
+TEST_CASE("cholesky: flushes denormal numbers inside and leaves them alone outside") {
   Random random(6);
   const CholeskyPlanData plan = small_plan();
   Cholesky<float> cholesky(plan.view());
@@ -338,7 +338,7 @@ TEST_CASE("cholesky: finds the place of every coupled pair of blocks, and no oth
     }
 }
 
-TEST_CASE("cholesky: a plan that is inconsistent is refused") {
+TEST_CASE("cholesky: refuses an inconsistent plan") {
   const CholeskyPlanData good = small_plan();
   const auto refused = [&](auto change) {
     CholeskyPlanData bad = good;
@@ -377,7 +377,7 @@ TEST_CASE("plan_cholesky: refuses lists of neighbours that are not symmetric, as
   CHECK_THROWS_AS(plan_cholesky({{2, 1}, {0}, {0}}), std::invalid_argument);
 }
 
-TEST_CASE("plan_cholesky: rows that stand side by side mostly do so in the parent's front too") {
+TEST_CASE("plan_cholesky: rows that are adjacent in a front are mostly adjacent in its parent's, too") {
   const CholeskyPlanData plan = plan_cholesky(grid_graph(40, 20, 2));
   double rows = 0, runs = 0;
   for (std::size_t s = 0; s + 1 < plan.supernode_start.size(); ++s) {
@@ -396,7 +396,7 @@ TEST_CASE("plan_cholesky: rows that stand side by side mostly do so in the paren
   CHECK(rows / runs > 8);
 }
 
-TEST_CASE("plan_cholesky: the factor of a finger's mesh needs little more arithmetic than minimum degree alone") {
+TEST_CASE("plan_cholesky: supernodes add little arithmetic to the factor of a finger's mesh") {
   const host::ShapeModelData model = host::make_shape_model(test::frame_mesh());
   const CholeskyPlan plan = model.cholesky.view();
   const Cholesky<float> cholesky(plan);

@@ -195,10 +195,10 @@ TEST_CASE("element: clamping the twist eigenvalues is the projection of the dens
     CHECK((from_blocks(H) - expected).norm() <= 1e-10 * expected.norm());
     CHECK((g - gradient_at(sample.x, sample)).norm() <= 1e-11 * (g.norm() + 1));
   }
-  CHECK(most_negative < -0.1);  // there was something to clamp
+  CHECK(most_negative < -0.1);  // otherwise nothing was clamped
 }
 
-TEST_CASE("element: every lane of a vector answers like a plain double, and float follows to its precision") {
+TEST_CASE("element: every lane of a vector gives what a plain double gives, and float to its precision") {
   Random random(5);
   using Vd = simd::Vector<double>;
   using Vf = simd::Vector<float>;
@@ -233,7 +233,7 @@ TEST_CASE("element: every lane of a vector answers like a plain double, and floa
   }
 }
 
-TEST_CASE("element: the cubic is the determinant along a step") {
+TEST_CASE("element: the cubic equals the determinant along a step") {
   Random random(6);
   for (int i = 0; i < 100; ++i) {
     const RowMajor3 F = random_sample(random, i).F;

@@ -22,7 +22,7 @@ inline MountModel mount_of(const host::TetMesh& mesh) {
   return mount;
 }
 
-/// A finger that is clamped at its base and pushed at its tip.
+/// A finger clamped at its base and pushed at its tip.
 struct Bend {
   double deep_mm = 0, across_mm = 0, twist_deg = 0;  // of the tip
 

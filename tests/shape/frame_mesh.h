@@ -1,5 +1,5 @@
 // A finger made of cubes, for the tests of the shape solver: two walls joined by three beams, each beam with a rigid
-// plate in its middle. Every cube is cut into six tetrahedra (Kuhn), so that no mesh generator is needed.
+// plate in its middle. Every cube is cut into six tetrahedra (Kuhn), so no mesh generator is needed.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kCoordinates = 3 * 40;
 
-/// Random numbers everywhere: a map of no finger.
+/// A map of random numbers.
 struct RandomMap {
   explicit RandomMap(int the_rank) : rank(the_rank) {
     test::Random random(1);
@@ -64,7 +64,7 @@ Eigen::MatrixXd rows(const std::vector<float>& values, int count) {
 
 }  // namespace
 
-TEST_CASE("shape map: is rest plus the basis times the weights of 1, the scaled numbers and their products") {
+TEST_CASE("shape map: equals rest plus basis times weights times features") {
   const RandomMap random(5);
   const Eigen::VectorXd x = vector(random.numbers).cwiseProduct(vector(random.scale));
   Eigen::VectorXd features(ShapeMapModel::kFeatures);
@@ -78,7 +78,7 @@ TEST_CASE("shape map: is rest plus the basis times the weights of 1, the scaled 
   CHECK((vector(random.evaluate()) - expected).norm() < 1e-5 * expected.norm());
 }
 
-TEST_CASE("shape map: without a basis it answers the finger at rest") {
+TEST_CASE("shape map: without a basis it gives the finger at rest") {
   const RandomMap random(0);
   CHECK(random.evaluate() == random.rest);
 }

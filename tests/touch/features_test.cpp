@@ -29,7 +29,7 @@ PoseVector some_numbers() {
 
 }  // namespace
 
-TEST_CASE("features: the direction has length one, the size and the noise are logarithmic") {
+TEST_CASE("features: the direction has length one, size and noise are logarithms") {
   const PlainModel plain;
   std::array<float, TouchModel::kInputs> inputs, twice;
   touch_features(plain.model, some_numbers(), {1, 100, 0.1f}, inputs);
@@ -55,7 +55,7 @@ TEST_CASE("features: at rest they are finite") {
   CHECK(double(inputs[18]) == doctest::Approx(std::log(1e-3)));
 }
 
-TEST_CASE("features: scale acts before the direction, mean and input scale after it") {
+TEST_CASE("features: scale is applied before the direction, mean and input scale after it") {
   PlainModel plain;
   std::vector<float> scale(18, 1), mean(TouchModel::kInputs, 0.5f), factor(TouchModel::kInputs, 3);
   scale[3] = 20;
@@ -72,7 +72,7 @@ TEST_CASE("features: scale acts before the direction, mean and input scale after
   CHECK(double(inputs[19]) == doctest::Approx(-1.5));
 }
 
-TEST_CASE("features: unseen plates have their own noise, others stay within what was trained") {
+TEST_CASE("features: unseen plates have a noise of their own, that of others is limited to the trained range") {
   PlatePoses poses;
   poses.seen = {true, false, true};
   poses.noise = {1e-6f, 1, 1e6f};

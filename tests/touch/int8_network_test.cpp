@@ -48,7 +48,7 @@ TEST_CASE("int8 network: a layer equals a plain reference in double, for lengths
   }
 }
 
-TEST_CASE("int8 network: the sum is bit for bit the one of the documented order") {
+TEST_CASE("int8 network: sums in the documented order, bit for bit") {
   const TestLayer layer(22, 3);
   std::vector<float> y(3);
   forward(layer.view(), layer.x, y, false);

@@ -16,7 +16,7 @@ using namespace finsight::host;
 
 namespace {
 
-// A network trained for a moment: enough to have every part of a real one.
+// A network trained for a few steps: it has every part of a real one.
 TouchNetwork& trained() {
   static TouchNetwork network = [] {
     const StateInterpolant states(test::synthetic_dataset().states);
@@ -57,7 +57,7 @@ TEST_CASE("touch stage: the radius curve is linear between its knots and constan
   CHECK(calibrated_radius_mm(std::vector<float>{0, 0, 1}, 5, 3) == doctest::Approx(3));
 }
 
-TEST_CASE("touch stage: answers the float network's numbers within the loss of quantisation") {
+TEST_CASE("touch stage: gives the float network's numbers within the quantisation error") {
   TouchStage stage(trained().model.view());
   double worst_mm = 0, worst_n = 0;
   for (const double x : {-15.0, 0.0, 12.0}) {
@@ -75,11 +75,11 @@ TEST_CASE("touch stage: answers the float network's numbers within the loss of q
     }
   }
   CHECK(worst_mm < 0.5);
-  CHECK(worst_mm > 0);  // it is the int8 network that answers
+  CHECK(worst_mm > 0);  // otherwise it was not the int8 network
   CHECK(worst_n < 0.1);
 }
 
-TEST_CASE("touch stage: plate motion decides about the threshold, and an invalid touch carries no numbers") {
+TEST_CASE("touch stage: below the threshold of plate motion the touch is invalid and carries no numbers") {
   TouchStage stage(trained().model.view());
   PlatePoses poses;
   poses.seen = {true, true, true};
@@ -93,10 +93,10 @@ TEST_CASE("touch stage: plate motion decides about the threshold, and an invalid
   poses.plates[kMiddlePlate].displacement_mm = Vec3f(0, 0, 2.001f);
   CHECK(stage.locate(poses).quality == Quality::kFresh);
   poses.plates[kMiddlePlate] = {};
-  CHECK(stage.locate(poses).quality == Quality::kInvalid);  // nothing is left of the touch before
+  CHECK(stage.locate(poses).quality == Quality::kInvalid);  // nothing remains of the previous touch
 }
 
-TEST_CASE("touch stage: beyond the trained plate motion it says over-range instead of a touch") {
+TEST_CASE("touch stage: beyond the trained plate motion it reports over range instead of a touch") {
   TouchStage stage(trained().model.view());
   PlatePoses poses = poses_of(kPushed);
   CHECK_FALSE(stage.locate(poses).over_range);
@@ -108,7 +108,7 @@ TEST_CASE("touch stage: beyond the trained plate motion it says over-range inste
   CHECK_FALSE(stage.locate(poses_of(kPushed)).over_range);
 }
 
-TEST_CASE("touch stage: a point beside the finger's face, or a radius that says nothing, is no touch") {
+TEST_CASE("touch stage: a point beside the face, or a meaninglessly large radius, is not a touch") {
   test::TinyModel tiny;
   Model model = tiny.open();
   model.touch = trained().model.view();
@@ -133,7 +133,7 @@ TEST_CASE("touch stage: a point beside the finger's face, or a radius that says 
   CHECK(quality(touch.point_mm - far, touch.point_mm + far) == Quality::kInvalid);
 }
 
-TEST_CASE("touch stage: the radius of a shaken finger's touch is wider, its place the same") {
+TEST_CASE("touch stage: shaking widens the radius and leaves the point") {
   TouchStage stage(trained().model.view());
   const Touch calm = stage.locate(poses_of(kPushed)),
               shaken = stage.locate(poses_of(kPushed), pose_vector(poses_of(kPushed)), 4);
@@ -148,7 +148,7 @@ TEST_CASE("touch stage: poses without a seen plate tell of no touch") {
   CHECK(stage.locate(poses).quality == Quality::kInvalid);
 }
 
-TEST_CASE("touch stage: numbers that are not finite, or absurd, never come out") {
+TEST_CASE("touch stage: never gives non-finite or absurd numbers") {
   TouchStage stage(trained().model.view());
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
     for (int plate = 0; plate < kPlates; ++plate) {
@@ -179,7 +179,7 @@ TEST_CASE("touch stage: the force is never negative") {
   CHECK(touch.force_n == 0);
 }
 
-TEST_CASE("touch stage: locating allocates nothing") {
+TEST_CASE("touch stage: locate() does not allocate") {
   const PlatePriorData prior = fit_plate_prior(test::synthetic_dataset(), test::synthetic_spec().noise);
   TouchStage stage(trained().model.view());
   PlatePoses poses = poses_of(kPushed), unseen = poses, nothing;
@@ -192,6 +192,6 @@ TEST_CASE("touch stage: locating allocates nothing") {
   }
   const long after = test::allocations;
   CHECK(after == before);
-  CHECK(before > 0);  // the counter counts
+  CHECK(before > 0);  // the counter works
   CHECK(sum != 0);
 }

@@ -11,7 +11,7 @@ using namespace finsight::test;
 
 namespace {
 
-/// Squares of 35 ... 80 pixels anywhere in the image, turned at will and tilted by `tilt_rad`.
+/// Squares of 35 ... 80 pixels anywhere in the image, rotated at random and tilted by `tilt_rad`.
 PaintedMarker random_marker(Random& random, const Lens& camera, double tilt_rad) {
   const double side_px = random.uniform(35, 80), z = 8 * camera.fx / side_px;
   const double angle = random.uniform(-3.14, 3.14);
@@ -129,7 +129,7 @@ TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
   for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.15F);
 }
 
-TEST_CASE("corners: no edges, no corners") {
+TEST_CASE("corners: without edges there are no corners") {
   const Lens camera = camera_640x480();
   const std::vector<std::uint8_t> flat(640 * 480, 120);
   const ImageView image{flat.data(), 640, 480, 640};

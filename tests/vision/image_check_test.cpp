@@ -29,7 +29,7 @@ TEST_CASE("image check: noise is never taken for a frozen camera") {
   for (std::uint64_t frame = 1; frame < 100; ++frame) CHECK(check.check(Image(100, frame).view()) == ImageFault::kNone);
 }
 
-TEST_CASE("image check: the sixth equal image is frozen, a new one ends it") {
+TEST_CASE("image check: the sixth equal image is a frozen camera, and a new image ends it") {
   ImageCheck check;
   const Image same(100, 1);
   for (int frame = 0; frame < 5; ++frame) CHECK(check.check(same.view()) == ImageFault::kNone);
@@ -39,7 +39,7 @@ TEST_CASE("image check: the sixth equal image is frozen, a new one ends it") {
   CHECK(check.check(same.view()) == ImageFault::kNone);
 }
 
-TEST_CASE("image check: one pixel makes another image") {
+TEST_CASE("image check: an image that differs in one pixel is a new one") {
   ImageCheck check;
   Image one(100, 1);
   for (int frame = 0; frame < 20; ++frame) {
@@ -48,7 +48,7 @@ TEST_CASE("image check: one pixel makes another image") {
   }
 }
 
-TEST_CASE("image check: up to four images in turn are frozen, five are not") {
+TEST_CASE("image check: up to four images in turn are a frozen camera, five are not") {
   for (int ring = 2; ring <= 5; ++ring) {
     ImageCheck check;
     for (int frame = 0; frame < 40; ++frame) {
@@ -58,7 +58,7 @@ TEST_CASE("image check: up to four images in turn are frozen, five are not") {
   }
 }
 
-TEST_CASE("image check: a dark image that repeats is frozen, whatever little it shows") {
+TEST_CASE("image check: a dark image that repeats is a frozen camera, however little it shows") {
   ImageCheck check;
   Image dark(1);
   dark.grey[8 * kWidth + 40] = 200;  // a lit marker on black
@@ -66,7 +66,7 @@ TEST_CASE("image check: a dark image that repeats is frozen, whatever little it 
   CHECK(check.check(dark.view()) == ImageFault::kFrozen);
 }
 
-TEST_CASE("image check: plain dark and bright images are, frozen or not") {
+TEST_CASE("image check: uniformly dark and bright images are reported as such, frozen or not") {
   ImageCheck check;
   for (int frame = 0; frame < 8; ++frame) CHECK(check.check(Image(2).view()) == ImageFault::kDark);
   for (int frame = 0; frame < 8; ++frame) CHECK(check.check(Image(255).view()) == ImageFault::kBright);
@@ -74,7 +74,7 @@ TEST_CASE("image check: plain dark and bright images are, frozen or not") {
   CHECK(check.check(Image(240, 1).view()) == ImageFault::kNone);
 }
 
-TEST_CASE("image check: no image is no fault of the image's") {
+TEST_CASE("image check: a missing image is not an image fault") {
   CHECK(ImageCheck().check({}) == ImageFault::kNone);
   CHECK(ImageCheck().check({nullptr, 10, 10, 10}) == ImageFault::kNone);
   CHECK(ImageCheck().check({Image(0).grey.data(), kWidth, kHeight, kWidth / 2}) == ImageFault::kNone);
@@ -82,7 +82,7 @@ TEST_CASE("image check: no image is no fault of the image's") {
 
 namespace {
 
-/// Dark bars on light ground, blurred and noisy; every call another noise.
+/// Dark bars on a light background, blurred and noisy, with new noise in every call.
 std::vector<std::uint8_t> bars(int width, int height, double blur_px, double contrast, test::Random& random) {
   const double period_px = width / 16.0;
   std::vector<std::uint8_t> grey;
@@ -119,7 +119,7 @@ TEST_CASE("image check: out of focus for half a second is a fault, at either ima
   }
 }
 
-TEST_CASE("image check: where there is nothing to see, nothing is out of focus") {
+TEST_CASE("image check: without contrast nothing is out of focus") {
   test::Random random(4);
   ImageCheck check;
   CHECK(after(check, 40, 640, 5, 30, random) == ImageFault::kNone);

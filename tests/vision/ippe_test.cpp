@@ -30,7 +30,7 @@ Eigen::Isometry3d random_pose(Random& random) {
 
 }  // namespace
 
-TEST_CASE("square: its pose comes back first, and its mirror pose lies at the same place") {
+TEST_CASE("square: the true pose comes first, and the mirror pose is at the same position") {
   Random random(1);
   for (int i = 0; i < 100; ++i) {
     const Eigen::Isometry3d truth = random_pose(random);
@@ -70,7 +70,7 @@ TEST_CASE("square: noisy corners give the same two poses as OpenCV's IPPE") {
   }
 }
 
-TEST_CASE("square: seen exactly face-on it has a pose, too") {
+TEST_CASE("square: a square seen exactly face-on has a pose, too") {
   for (const double x : {0.0, 5.0, -12.5}) {
     Eigen::Isometry3d truth(Eigen::Translation3d(x, 3, 110));
     truth.linear().diagonal() << 1, -1, -1;
@@ -80,7 +80,7 @@ TEST_CASE("square: seen exactly face-on it has a pose, too") {
   }
 }
 
-TEST_CASE("square: rays that no square explains give no pose and no exception") {
+TEST_CASE("square: rays that fit no square give no pose and no exception") {
   MarkerRays rays;
   rays.fill(Eigen::Vector2d::Constant(std::nan("")));
   CHECK(poses_of_square(rays, 8).count == 0);

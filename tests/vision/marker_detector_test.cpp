@@ -43,7 +43,7 @@ ImageView view(const Lens& camera, const std::vector<std::uint8_t>& grey) {
 
 constexpr SideLimits kSides{20, 120};
 
-/// By OpenCV's own detector with its defaults.
+/// Found by OpenCV's own detector with its defaults.
 std::vector<int> ids_by_opencv(const Lens& camera, const std::vector<std::uint8_t>& grey) {
   const cv::Mat pixels(camera.height_px, camera.width_px, CV_8UC1, const_cast<std::uint8_t*>(grey.data()));
   const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50);
@@ -78,7 +78,7 @@ TEST_CASE("detector: every marker of the dictionary is read back, its corners in
   }
 }
 
-TEST_CASE("detector: a code with one wrong bit is nobody's") {
+TEST_CASE("detector: a code with one wrong bit is not accepted") {
   const Lens camera = small_camera(48);
   MarkerDetector detector;
   for (int bit = 0; bit < 16; ++bit) {
@@ -90,7 +90,7 @@ TEST_CASE("detector: a code with one wrong bit is nobody's") {
   }
 }
 
-TEST_CASE("detector: an inverted marker is none") {
+TEST_CASE("detector: an inverted marker is not accepted") {
   const Lens camera = small_camera(48);
   std::array<std::uint8_t, 36> modules = marker_modules(7);
   for (std::uint8_t& module : modules) module ^= 1;
@@ -100,7 +100,7 @@ TEST_CASE("detector: an inverted marker is none") {
   CHECK(detector.find(view(camera, image.develop(1)), 1, kSides).empty());
 }
 
-TEST_CASE("detector: the same id at two places is listed twice, one print once") {
+TEST_CASE("detector: an id at two places is listed twice, a single marker once") {
   const Lens camera = small_camera(40);
   Image image(camera, quick_paint());
   image.add(upright(5, -7));
@@ -112,7 +112,7 @@ TEST_CASE("detector: the same id at two places is listed twice, one print once")
   CHECK(found[1].id == 5);
 }
 
-TEST_CASE("detector: squares outside the limits are not looked at") {
+TEST_CASE("detector: squares outside the size limits are ignored") {
   const Lens camera = small_camera(48);
   Image image(camera, quick_paint());
   image.add(upright(7));
@@ -123,7 +123,7 @@ TEST_CASE("detector: squares outside the limits are not looked at") {
   CHECK(detector.find(view(camera, grey), 1, {40, 60}).size() == 1);
 }
 
-TEST_CASE("detector: what OpenCV objects to is an empty list") {
+TEST_CASE("detector: an image that OpenCV rejects gives an empty list") {
   MarkerDetector detector;
   const std::vector<std::uint8_t> grey(64, 100);
   CHECK(detector.find({}, 1, kSides).empty());
@@ -131,7 +131,7 @@ TEST_CASE("detector: what OpenCV objects to is an empty list") {
   CHECK(detector.find({grey.data(), 8, 8, 8}, 1, {std::nanf(""), -1}).empty());
 }
 
-TEST_CASE("detector: finds what OpenCV's own finds, and nothing else, in noise and at any tilt") {
+TEST_CASE("detector: finds what OpenCV's own detector finds, and nothing else, in noise and at any tilt") {
   const Lens camera = small_camera(40);
   MarkerDetector detector;
   Random random(5);
@@ -173,7 +173,7 @@ TEST_CASE("detector: noise has no squares worth reading") {
   }
 }
 
-TEST_CASE("detector: of more squares than it may read it reads the largest") {
+TEST_CASE("detector: of too many squares it reads the largest") {
   Lens camera = small_camera(60);
   Image image(camera, quick_paint());
   image.add(upright(7));

@@ -1,5 +1,5 @@
 // Draws what a camera sees of square markers on white paper: every pixel is the mean over many exact sight lines,
-// then the lens's blur, then noise. Slow and plain; independent of the product's renderer.
+// then the lens's blur, then noise. Slow and simple; independent of hostgen's renderer.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -57,7 +57,7 @@ class Image {
 
   void add(const PaintedMarker& marker) { add(marker, marker_modules(marker.id)); }
 
-  /// With other modules than its id's.
+  /// With modules other than its id's.
   void add(const PaintedMarker& marker, const std::array<std::uint8_t, 36>& modules) {
     const Eigen::Isometry3d T_marker_camera = marker.T_camera_marker.inverse();
     const std::array<int, 4> box = bounds(marker);
@@ -66,7 +66,7 @@ class Image {
       for (int x = box[0]; x <= box[2]; ++x) {
         double sum = 0;
         for (int i = 0; i < n; ++i) {
-          // A lattice with every row and column taken once: edges along the rows are drawn as finely as any.
+          // A lattice with one sample in every row and column, so that edges along rows are as fine as any.
           const double u = (i + 0.5) / n, v = (i * golden % n + 0.5) / n;
           const Eigen::Vector2d pixel(x + u - 0.5, y + v - 0.5);
           sum += grey_along(T_marker_camera, marker.size_mm, modules, ray_from_pixel(camera_, pixel), at(x, y));
@@ -95,7 +95,7 @@ class Image {
   std::size_t pixels() const { return static_cast<std::size_t>(camera_.width_px * camera_.height_px); }
   float& at(int x, int y) { return grey_[static_cast<std::size_t>(y * camera_.width_px + x)]; }
 
-  /// Of the paper: one module more than the black square on every side.
+  /// Of the paper, which is one module wider than the black square on every side.
   std::array<int, 4> bounds(const PaintedMarker& marker) const {
     Eigen::Vector2d low(1e9, 1e9), high(-1e9, -1e9);
     for (int k = 0; k < 4; ++k) {

@@ -51,7 +51,7 @@ std::vector<std::uint8_t> paint_ids(const Lens& camera, const std::array<int, kP
 
 }  // namespace
 
-TEST_CASE("markers: all three found to 0.05 pixels, at rest and moved, in both image sizes") {
+TEST_CASE("markers: finds all three to 0.05 pixels, at rest and moved, in both image sizes") {
   const TestPrior prior;
   for (const Lens& camera : {camera_1280x720(), camera_640x480()}) {
     Random random(21);
@@ -66,7 +66,7 @@ TEST_CASE("markers: all three found to 0.05 pixels, at rest and moved, in both i
   }
 }
 
-TEST_CASE("markers: followed through a fast touch, and the window's corners are those of a full search") {
+TEST_CASE("markers: follows them through a fast touch, with the same corners as a full search") {
   const TestPrior prior;
   const Lens camera = camera_640x480();
   MarkerStage following(test_mount(), camera);
@@ -87,7 +87,7 @@ TEST_CASE("markers: followed through a fast touch, and the window's corners are 
   }
 }
 
-TEST_CASE("markers: one that jumped out of its window is found again in the same frame") {
+TEST_CASE("markers: finds one that jumped out of its window in the same frame") {
   const Lens camera = camera_640x480();
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> at_rest = paint_moved(camera, Numbers::Zero(), 1);
@@ -100,7 +100,7 @@ TEST_CASE("markers: one that jumped out of its window is found again in the same
   CHECK(mean_error_px(camera, jumped, found) < 0.05);
 }
 
-TEST_CASE("markers: strangers and missing ones are not seen; one that comes back is, within eight frames") {
+TEST_CASE("markers: foreign and missing markers are not seen; one that returns is, within eight frames") {
   const Lens camera = camera_640x480();
   const std::array<int, kPlates> ids = test_mount().marker_id;
   MarkerStage stage(test_mount(), camera);
@@ -115,7 +115,7 @@ TEST_CASE("markers: strangers and missing ones are not seen; one that comes back
   CHECK(frames <= 8);
 }
 
-TEST_CASE("markers: one that was hidden for some frames is found again in its window at once") {
+TEST_CASE("markers: finds one that was hidden for some frames in its window at once") {
   const Lens camera = camera_640x480();
   const std::array<int, kPlates> ids = test_mount().marker_id;
   MarkerStage stage(test_mount(), camera);
@@ -127,7 +127,7 @@ TEST_CASE("markers: one that was hidden for some frames is found again in its wi
   }
 }
 
-TEST_CASE("markers: one that is there twice is not seen") {
+TEST_CASE("markers: an id at two places is not seen") {
   const Lens camera = camera_640x480();
   const std::array<int, kPlates> ids = test_mount().marker_id;
   MarkerStage stage(test_mount(), camera);
@@ -136,7 +136,7 @@ TEST_CASE("markers: one that is there twice is not seen") {
   CHECK(stage.find(frame_of(camera, grey)).seen == std::array{true, false, false});
 }
 
-TEST_CASE("markers: none in frames that are no images of markers, and the next good frame is fine") {
+TEST_CASE("markers: sees none in unusable frames, and all in the next good one") {
   const Lens camera = camera_640x480();
   MarkerStage stage(test_mount(), camera);
   const std::vector<std::uint8_t> good = paint_moved(camera, Numbers::Zero(), 1);
@@ -177,7 +177,7 @@ TEST_CASE("markers: rows may be padded") {
   CHECK(mean_error_px(camera, Numbers::Zero(), found) < 0.05);
 }
 
-TEST_CASE("markers: a mount or camera that cannot be is refused") {
+TEST_CASE("markers: refuses an impossible mount or camera") {
   const auto refused = [](auto change) {
     MountModel mount = test_mount();
     Lens camera = camera_640x480();

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kFocalPx = 490;
 
-/// What the camera sees of plates that moved by `numbers`, with corners off by `noise_px`.
+/// The camera's view of plates that moved by `numbers`, with corner noise of `noise_px`.
 PlateSight sight_of(const Numbers& numbers, const std::array<bool, kPlates>& seen, double noise_px, Random& random) {
   const MountModel mount = test_mount();
   PlateSight sight;
@@ -32,7 +32,7 @@ PlateSight sight_of(const Numbers& numbers, const std::array<bool, kPlates>& see
 
 }  // namespace
 
-TEST_CASE("plates: the motion of a marker's pose is the one that moved it there") {
+TEST_CASE("plates: recovers the motion that gave a marker its pose") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(1);
@@ -46,7 +46,7 @@ TEST_CASE("plates: the motion of a marker's pose is the one that moved it there"
   }
 }
 
-TEST_CASE("plates: ten steps from afar reach the point where the cost's finite differences vanish") {
+TEST_CASE("plates: ten steps from far away reach the minimum of the cost, by finite differences") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(2);
@@ -69,7 +69,7 @@ TEST_CASE("plates: ten steps from afar reach the point where the cost's finite d
   }
 }
 
-TEST_CASE("plates: corners without noise are met, wherever the fingers of the prior can be") {
+TEST_CASE("plates: noise-free corners are reproduced for all motions of the prior") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(3);
@@ -83,7 +83,7 @@ TEST_CASE("plates: corners without noise are met, wherever the fingers of the pr
   }
 }
 
-TEST_CASE("plates: the corners' scatter is told from what is left of it") {
+TEST_CASE("plates: estimates the corners' scatter from the residuals") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(6);
@@ -95,13 +95,13 @@ TEST_CASE("plates: the corners' scatter is told from what is left of it") {
       estimator.estimate(sight, truth, 6);
       sum_sq += sight.corner_sigma_px * sight.corner_sigma_px / 200;
     }
-    // A guess of weight 4 beside the 6 numbers of three markers that no motion explains.
+    // A prior guess of weight 4 beside the 6 residuals of three markers that no motion explains.
     const double expected_px = std::sqrt((4 * 0.05 * 0.05 + 6 * noise_px * noise_px) / 10);
     CHECK(std::sqrt(sum_sq) == doctest::Approx(expected_px).epsilon(0.1));
   }
 }
 
-TEST_CASE("plates: the published noise is the error that is made, also of fewer plates and worse corners") {
+TEST_CASE("plates: the stated noise equals the actual error, also with fewer plates and worse corners") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   const auto sigma = prior.view().noise;
@@ -128,7 +128,7 @@ TEST_CASE("plates: the published noise is the error that is made, also of fewer 
   }
 }
 
-TEST_CASE("plates: one corner that is far off moves its plate little") {
+TEST_CASE("plates: an outlying corner moves its plate little") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(8);
@@ -143,7 +143,7 @@ TEST_CASE("plates: one corner that is far off moves its plate little") {
   CHECK(worst_mm < 0.3);  // least squares: 1.0 mm
 }
 
-TEST_CASE("plates: those not seen come out at their conditional mean given the seen ones") {
+TEST_CASE("plates: unseen ones get their conditional mean given the seen ones") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(4);
@@ -158,7 +158,7 @@ TEST_CASE("plates: those not seen come out at their conditional mean given the s
   }
 }
 
-TEST_CASE("plates: behind the camera the cost is infinite and nothing breaks") {
+TEST_CASE("plates: behind the camera the cost is infinite, and the estimate stays finite") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(5);
@@ -173,7 +173,7 @@ TEST_CASE("plates: behind the camera the cost is infinite and nothing breaks") {
   CHECK(std::isinf(estimator.reprojection_px(sight, 1, numbers)));
 }
 
-TEST_CASE("plates: a prior that is no Gaussian is refused") {
+TEST_CASE("plates: refuses a prior that is not a Gaussian") {
   const TestPrior good;
   const std::vector<float> mean(good.view().mean.begin(), good.view().mean.end());
   const std::vector<float> covariance(good.view().covariance.begin(), good.view().covariance.end());

@@ -55,7 +55,7 @@ void check_close(const PlateMotion& found, const PlateMotion& truth, double mm, 
 
 }  // namespace
 
-TEST_CASE("poses: exact corners give the motion back, at rest and far bent") {
+TEST_CASE("poses: recovers the motion from exact corners, at rest and far bent") {
   const MountModel mount = test_mount();
   const TestPrior prior;
   for (const Lens& camera : {camera_1280x720(), camera_640x480()}) {
@@ -73,8 +73,8 @@ TEST_CASE("poses: exact corners give the motion back, at rest and far bent") {
         check_close(found.plates[p], truth[p], 0.15, 1.5 * kDegree);  // the prior pulls a little
         CHECK(found.reprojection_px[p] < 0.05F);
       }
-      // IPPE alone knows no prior and meets the corners exactly; of squares within 1.5 degrees of face-on the rounding
-      // of the corners to float makes it take either pose.
+      // IPPE alone has no prior and fits the corners exactly; within 1.5 degrees of face-on, rounding the corners to
+      // float makes it pick either pose.
       const PlatePoses& alone = published.estimate(corners);
       CHECK(alone.seen == kAll);
       for (std::size_t p = 0; p < kPlates; ++p) {
@@ -86,7 +86,7 @@ TEST_CASE("poses: exact corners give the motion back, at rest and far bent") {
   }
 }
 
-TEST_CASE("poses: in 500 noisy views of nearly face-on squares the joint estimate flips none, IPPE alone many") {
+TEST_CASE("poses: in 500 noisy, nearly face-on views the joint estimate never flips, IPPE alone often") {
   const MountModel mount = test_mount();
   const TestPrior prior;
   const Lens camera = camera_640x480();
@@ -116,7 +116,7 @@ TEST_CASE("poses: in 500 noisy views of nearly face-on squares the joint estimat
   CHECK(joint_errors.depth_mm() < published_errors.depth_mm());
 }
 
-TEST_CASE("poses: one small square alone, 35 pixels and 0.1 pixels of noise, is flipped in less than 1 of 100") {
+TEST_CASE("poses: a single square of 35 pixels with 0.1 pixels of noise flips in less than 1 of 100 views") {
   const MountModel mount = test_mount();
   const TestPrior prior;
   const Lens camera = camera_640x480();
@@ -138,7 +138,7 @@ TEST_CASE("poses: one small square alone, 35 pixels and 0.1 pixels of noise, is 
   CHECK(ippe_flips > 15);
 }
 
-TEST_CASE("poses: of all mirror poses the most probable is taken: none is better than the one found") {
+TEST_CASE("poses: finds the most probable combination of mirror poses") {
   const MountModel mount = test_mount();
   const TestPrior prior;
   const Lens camera = camera_640x480();
@@ -210,7 +210,7 @@ TEST_CASE("poses: plates that are not seen are completed from the prior, close t
   }
 }
 
-TEST_CASE("poses: nothing seen is invalid, and at rest") {
+TEST_CASE("poses: with nothing seen they are invalid, and at rest") {
   const TestPrior prior;
   PoseStage stage(test_mount(), prior.view(), camera_640x480());
   MarkerCorners corners = corners_of(test_mount(), camera_640x480(), plate_motions(prior.ways.col(0)));
@@ -222,7 +222,7 @@ TEST_CASE("poses: nothing seen is invalid, and at rest") {
   for (const PlateMotion& plate : found.plates) check_close(plate, {}, 1e-9, 1e-9);
 }
 
-TEST_CASE("poses: a plate that cannot be there is not seen and does not move the others") {
+TEST_CASE("poses: a plate at an impossible place is not seen and does not move the others") {
   const MountModel mount = test_mount();
   const TestPrior prior;
   const Lens camera = camera_1280x720();
@@ -242,7 +242,7 @@ TEST_CASE("poses: a plate that cannot be there is not seen and does not move the
   const std::array<Vec2f, 4>& middle = good.corners_px[kMiddlePlate];
   middle_refused({middle[2], middle[3], middle[0], middle[1]});  // half a turn about its own axis
   middle_refused({middle[1], middle[0], middle[3], middle[2]});  // seen from behind
-  middle_refused({middle[0], middle[1], middle[2], Vec2f(middle[3] + Vec2f(12, -9))});  // no square
+  middle_refused({middle[0], middle[1], middle[2], Vec2f(middle[3] + Vec2f(12, -9))});  // not a square
   middle_refused({middle[0], middle[0], middle[0], middle[0]});
   middle_refused({middle[0], middle[1], middle[2], Vec2f::Constant(std::nanf(""))});
   middle_refused({middle[0], middle[1], middle[2], Vec2f(1e9F, -1e9F)});
@@ -254,7 +254,7 @@ TEST_CASE("poses: a plate that cannot be there is not seen and does not move the
   middle_refused(tiny);
 }
 
-TEST_CASE("poses: random corners are never fresh nonsense") {
+TEST_CASE("poses: random corners never give nonsense that is called fresh") {
   const TestPrior prior;
   const Lens camera = camera_640x480();
   for (const PoseMethod method : {PoseMethod::kJoint, PoseMethod::kPublished}) {
@@ -279,14 +279,14 @@ TEST_CASE("poses: random corners are never fresh nonsense") {
   }
 }
 
-TEST_CASE("poses: far from the prior the corners are believed, not the prior") {
+TEST_CASE("poses: far from the prior the corners decide") {
   const MountModel mount = test_mount();
   const TestPrior prior;
   const Lens camera = camera_1280x720();
   PoseStage stage(mount, prior.view(), camera);
   Random random(8);
   for (int i = 0; i < 20; ++i) {
-    // Ten times the scatter that the prior grants: 1 mm and 3 degrees.
+    // Ten times the prior's scatter: 1 mm and 3 degrees.
     Numbers numbers = prior.draw(random);
     for (int n = 0; n < 18; ++n) numbers[n] += 10 * prior.scatter[n] * random.normal();
     const std::array<PlateMotion, kPlates> truth = plate_motions(numbers);
@@ -301,7 +301,7 @@ TEST_CASE("poses: far from the prior the corners are believed, not the prior") {
   }
 }
 
-TEST_CASE("poses: a camera or prior that cannot be is refused") {
+TEST_CASE("poses: refuses an impossible camera or prior") {
   const TestPrior prior;
   Lens camera = camera_640x480();
   camera.fx = std::numeric_limits<double>::quiet_NaN();

@@ -22,7 +22,7 @@ double size_mm(const std::array<PlateMotion, kPlates>& plates) {
 
 }  // namespace
 
-TEST_CASE("one body: explains every motion of the camera, small and large, from any zero") {
+TEST_CASE("rigid motion fit: explains every motion of the camera, small and large, from any zero") {
   Random random(1);
   const RigidMotionFitter body(test_mount(), kFocalPx);
   for (int trial = 0; trial < 50; ++trial) {
@@ -37,7 +37,7 @@ TEST_CASE("one body: explains every motion of the camera, small and large, from 
   }
 }
 
-TEST_CASE("one body: what it leaves is the scatter for a camera's motion, and more for a touch") {
+TEST_CASE("rigid motion fit: the residual is the corners' scatter for a camera's motion, and more for a touch") {
   Random random(2);
   const RigidMotionFitter body(test_mount(), kFocalPx);
   const TestPrior prior;
@@ -55,7 +55,7 @@ TEST_CASE("one body: what it leaves is the scatter for a camera's motion, and mo
   }
 }
 
-TEST_CASE("one body: plates behind the camera, or that are not seen, are explained by nothing") {
+TEST_CASE("rigid motion fit: has no answer for plates behind the camera or not seen") {
   Random random(3);
   const RigidMotionFitter body(test_mount(), kFocalPx);
   std::array<PlateMotion, kPlates> behind{};

@@ -1,4 +1,4 @@
-// What a camera sees of plates that have moved: lines of sight of the markers' corners, without an image.
+// Lines of sight from a camera to the markers' corners of moved plates, without an image.
 #pragma once
 
 #include "firmware/geometry/so3.h"
@@ -28,7 +28,7 @@ inline PlateSight sight_of(const std::array<PlateMotion, kPlates>& plates, doubl
   return sight;
 }
 
-/// The plates as a camera sees them that was moved: all by (t, w) about the finger's origin.
+/// The plates as a displaced camera sees them: all moved by (t, w) about the finger's origin.
 inline std::array<PlateMotion, kPlates> moved_as_one(const Eigen::Vector3d& t_mm, const Eigen::Vector3d& w_rad) {
   std::array<PlateMotion, kPlates> plates;
   const Eigen::Matrix3d R = so3_exp(w_rad);

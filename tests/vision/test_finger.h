@@ -1,4 +1,4 @@
-// A finger for the tests of vision: three plates above a camera, and a Gaussian over how they move together.
+// A finger for the tests of vision: three plates above a camera, and a Gaussian over their joint motion.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -33,8 +33,8 @@ inline MountModel test_mount() {
   return mount;
 }
 
-/// Four ways to move (bend, second bend, to the side, twist) of independent normal sizes, plus 0.1 mm and 0.3 degrees
-/// of everything.
+/// Four modes of motion (bend, second bend, sideways, twist) of independent normal sizes, plus scatter of 0.1 mm and
+/// 0.3 degrees.
 struct TestPrior {
   TestPrior() {
     const double height[] = {0.75, 0.52, 0.29};  // of the finger
@@ -54,7 +54,7 @@ struct TestPrior {
   }
   PlatePrior view() const { return {{mean_.data(), 18}, {covariance_.data(), 18 * 18}, noise_}; }
 
-  /// A motion drawn from the prior. The scatter is left out on request: then `size` 0 is the mean.
+  /// A motion drawn from the prior, with or without the scatter. Without it, `size` 0 gives the mean.
   Numbers draw(Random& random, double size = 1) const {
     Numbers numbers = mean_.cast<double>();
     for (int way = 0; way < 4; ++way) numbers += size * random.normal() * ways.col(way);
@@ -80,7 +80,7 @@ inline std::array<PlateMotion, kPlates> plate_motions(const Numbers& numbers) {
   return plates;
 }
 
-/// Where the camera has a plate's marker, straight from the definition of PlateMotion.
+/// Pose of a plate's marker in the camera frame, straight from the definition of PlateMotion.
 inline PaintedMarker moved_marker(const MountModel& mount, const PlateMotion& motion, std::size_t plate) {
   Eigen::Isometry3d T_finger_marker = mount.T_finger_marker[plate].cast<double>();
   T_finger_marker.translation() += motion.displacement_mm.cast<double>();
