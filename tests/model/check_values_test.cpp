@@ -91,9 +91,9 @@ TEST_CASE("values: refuses a prior that is not a Gaussian") {
 TEST_CASE("values: refuses an impossible mount") {
   const HostileModel all[] = {
       {"scaled", [](TinyModel& t) { t.parts.mount.T_finger_camera.linear() *= 1.01f; },
-       "'mount.T_finger_camera': found a matrix that is no rigid motion"},
+       "'mount.T_finger_camera': found a matrix that is not a rigid motion"},
       {"mirrored", [](TinyModel& t) { t.parts.mount.T_finger_marker[1].linear().col(0) *= -1; },
-       "'mount.T_finger_marker': found a matrix that is no rigid motion"},
+       "'mount.T_finger_marker': found a matrix that is not a rigid motion"},
       {"projective", [](TinyModel& t) { t.parts.mount.T_finger_camera.matrix()(3, 0) = 0.1f; }, "last row 0 0 0 1"},
       {"far away", [](TinyModel& t) { t.parts.mount.T_finger_marker[2].translation().x() = 1500; },
        "found a translation over 1 m"},
