@@ -10,20 +10,19 @@ namespace {
 using Eigen::Vector2d;
 
 constexpr int kRounds = 4;
-constexpr std::size_t kProfiles = 16;  // per edge, spread over ...
-constexpr double kFirst = 0.10;        // ... this part of it; nearer to the corners the lens's blur rounds the edge off
-constexpr double kLast = 0.90;
+// Profiles across each edge, spread over its middle part: near the corners the lens's blur rounds the edge off.
+constexpr std::size_t kProfiles = 16, kMinProfiles = kProfiles / 2;
+constexpr double kFirst = 0.10, kLast = 0.90;
 constexpr float kStepPx = 0.5F;  // between the samples of a profile
-constexpr float kModules = 6;    // along a side of the marker
-constexpr float kReach =
-    0.55F;  // modules to either side, for the border and the margin are one module wide; but not more than ...
-constexpr float kReachPx = 6;            // ... this, which contains the blur and any error of the coarse corners
-constexpr float kSmallestContrast = 10;  // grey levels
-constexpr std::size_t kMinProfiles = kProfiles / 2;
+// A profile reaches so many modules to either side, for the border and the margin are one module wide, but no further
+// than kReachPx, which contains the blur and any error of the coarse corners.
+constexpr float kModules = 6;  // along a side of the marker
+constexpr float kReach = 0.55F, kReachPx = 6;
+constexpr float kSmallestContrast = 10;                  // grey levels
 constexpr double kOutlierMedians = 3, kOutlierPx = 0.1;  // distance from the line; three medians are two sigmas
-constexpr double kLargestRmsPx = 0.5;                    // of the points about their line, at the end ...
-constexpr double kCoarseRmsPx = 2.0;                     // ... and while the profiles are not yet centred on the edge
-constexpr float kFarthestMove = 0.25F;                   // of a side
+// RMS distance of the points from their line: while the profiles are not yet centred on the edge, and at the end.
+constexpr double kCoarseRmsPx = 2.0, kLargestRmsPx = 0.5;
+constexpr float kFarthestMove = 0.25F;  // of a side
 
 struct Line {
   Vector2d point = Vector2d::Zero(), normal = Vector2d::Zero();

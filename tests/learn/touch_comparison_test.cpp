@@ -18,7 +18,8 @@ TEST_CASE("touch comparison: every method of table 2 learns a smooth finger, and
     CHECK(scores[m].random_clean.r2[1] > 0.6);
     CHECK(scores[m].held_out_clean.r2[1] > 0.3);
     CHECK(scores[m].random_noisy.rmse_mm[1] > scores[m].random_clean.rmse_mm[1]);
-    CHECK(scores[m].train_s >= 0);
+    CHECK(scores[m].train_s > 0);
+    CHECK(scores[m].predict_us > 0);
   }
   CHECK(scores[1].random_clean.r2[1] > scores[0].random_clean.r2[1]);  // the finger is not linear
 }

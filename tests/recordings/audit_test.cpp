@@ -30,7 +30,7 @@ TEST_CASE("audit: good recordings pass, except for the markers that they lack") 
   CHECK(audit.repeated == 0);
   CHECK(audit.leaked == 0);
   CHECK(audit.outliers.empty());
-  CHECK(audit.pen_residual_mm[0] == doctest::Approx(0.2).epsilon(0.3));
+  CHECK(audit.pen_residual_mm[0] == doctest::Approx(0.2).epsilon(0.1));
   CHECK(audit.jitter_in_pen < 0.9);
   CHECK(audit.slope == doctest::Approx(0.222).epsilon(0.05));
   CHECK(audit.y_mm[0] == doctest::Approx(15).epsilon(0.05));
