@@ -36,12 +36,12 @@ SoftNewtonSolver<S>::SoftNewtonSolver(const ShapeModel& model, const MountModel&
 
 template <class S>
 typename SoftNewtonSolver<S>::Outcome SoftNewtonSolver<S>::converge(const PlatePoses& poses, double epsilon,
-                                                                    int most_steps) {
+                                                                    int max_steps) {
   const FlushDenormals flush;
   Outcome outcome;
   if (!rigid_plates_.plausible(poses)) return outcome;
   rigid_plates_.place<S>(plate_motions(poses), target_);
-  while (outcome.steps < most_steps) {
+  while (outcome.steps < max_steps) {
     ++outcome.steps;
     const double slope = newton_step();
     if (!std::isfinite(slope)) return outcome;

@@ -28,9 +28,9 @@ class SoftNewtonSolver {
     int steps = 0;    ///< factorisations
   };
   /// Steps until the Newton decrement, half of what a full step would gain, is below `epsilon`. Not ok if the poses are
-  /// not plausible or a pivot fails, if no step along the last direction lowers the energy, or after `most_steps`. The
+  /// not plausible or a pivot fails, if no step along the last direction lowers the energy, or after `max_steps`. The
   /// shape has no inverted tetrahedron in any case.
-  Outcome converge(const PlatePoses& poses, double epsilon = kPublishedEpsilon, int most_steps = kPublishedSteps);
+  Outcome converge(const PlatePoses& poses, double epsilon = kPublishedEpsilon, int max_steps = kPublishedSteps);
 
   void start_at_rest() { x_ = rest_; }
   std::span<const S> node_mm() const { return x_; }
