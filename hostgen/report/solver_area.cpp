@@ -66,8 +66,7 @@ json measure(const Model& model, const Schedule& schedule, const PlateMotionPath
   std::nth_element(us.begin(), us.begin() + static_cast<std::ptrdiff_t>(us.size() / 2), us.end());
   return {{"tier", schedule.tier},
           {"mesh_tets", model.shape.tets},
-          {"factorisations",
-           takes_newton_steps(schedule.settings.tier) ? schedule.settings.factorisations : 0},
+          {"factorisations", takes_newton_steps(schedule.settings.tier) ? schedule.settings.factorisations : 0},
           {"chords", schedule.settings.chord_steps},
           {"scalar", "float"},
           {"motion", motion.name},
