@@ -39,7 +39,8 @@ Isometry3d moved(const Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& by) 
 
 Numbers mounted_to() {
   Numbers sigma;
-  sigma << Eigen::Vector3d::Constant(kCameraMm), Eigen::Vector3d::Constant(kCameraRad), Numbers::Zero().tail<18>();
+  sigma << Eigen::Vector3d::Constant(kCameraMm), Eigen::Vector3d::Constant(kCameraRad),
+      Numbers::Zero().tail<kPoseDims>();
   for (int p = 1; p < kPlaces; ++p) {
     sigma.segment<3>(6 * p).setConstant(kMarkerMm);
     sigma.segment<3>(6 * p + 3).setConstant(kMarkerRad);

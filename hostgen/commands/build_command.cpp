@@ -74,7 +74,7 @@ PackViews views_of(const Parts& parts, const Options& options) {
 /// Plate numbers of the self-test: rest, and states spread over the dataset.
 std::vector<float> self_test_poses(const FemDataset& dataset) {
   constexpr std::size_t kCases = 4;
-  std::vector<float> numbers(18, 0.0F);
+  std::vector<float> numbers(kPoseDims, 0.0F);
   std::vector<const FemState*> valid;
   for (const FemState& state : dataset.states) {
     if (state.valid()) valid.push_back(&state);
@@ -91,7 +91,7 @@ std::vector<float> self_test_poses(const FemDataset& dataset) {
 /// Writes the pack with the answers that this build of the firmware gives, then opens it again and checks them.
 void write_with_self_test(const Parts& parts, const Options& options, const std::vector<float>& poses) {
   PackViews views = views_of(parts, options);
-  const std::size_t cases = poses.size() / 18;
+  const std::size_t cases = poses.size() / kPoseDims;
   std::vector<float> shape_mm(cases * views.shape.rest_mm.size()), contact_shape_mm(shape_mm.size()), touch(cases * 7);
   std::vector<std::uint16_t> registers(cases * kMeasurementRegisters), contact_registers(registers.size());
   views.self_test = {static_cast<int>(cases), poses, shape_mm, touch, registers, contact_shape_mm, contact_registers};
@@ -106,7 +106,7 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
       std::copy(answer.begin(), answer.end(), all.begin() + static_cast<std::ptrdiff_t>(c * answer.size()));
     };
     for (std::size_t c = 0; c < cases; ++c) {
-      const auto numbers = std::span(poses).subspan(18 * c, 18);
+      const auto numbers = std::span(poses).subspan(kPoseDims * c, kPoseDims);
       const SelfTestAnswer answer = answer_self_test(model, numbers);
       keep(answer.shape_mm, c, shape_mm);
       keep(answer.touch, c, touch);
