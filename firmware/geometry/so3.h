@@ -15,14 +15,26 @@ Eigen::Matrix<typename Derived::Scalar, 3, 3> cross_matrix(const Eigen::MatrixBa
   return K;
 }
 
-/// The rotation by |w| radians about w; any finite w, the identity for zero.
+/// Of the rotation vector w; about x where there is nothing to rotate.
 template <class Derived>
-Eigen::Matrix<typename Derived::Scalar, 3, 3> so3_exp(const Eigen::MatrixBase<Derived>& w) {
+Eigen::AngleAxis<typename Derived::Scalar> so3_angle_axis(const Eigen::MatrixBase<Derived>& w) {
   using Scalar = typename Derived::Scalar;
   using Vector = Eigen::Matrix<Scalar, 3, 1>;
   const Scalar angle = w.norm();
-  if (!(angle > 0)) return Eigen::Matrix<Scalar, 3, 3>::Identity();
-  return Eigen::AngleAxis<Scalar>(angle, Vector(w / angle)).toRotationMatrix();
+  if (!(angle > 0)) return {0, Vector::UnitX()};
+  return {angle, Vector(w / angle)};
+}
+
+/// The rotation by |w| radians about w; any finite w, the identity for zero.
+template <class Derived>
+Eigen::Matrix<typename Derived::Scalar, 3, 3> so3_exp(const Eigen::MatrixBase<Derived>& w) {
+  return so3_angle_axis(w).toRotationMatrix();
+}
+
+/// The same as a unit quaternion, for rotations that are interpolated.
+template <class Derived>
+Eigen::Quaternion<typename Derived::Scalar> so3_exp_quaternion(const Eigen::MatrixBase<Derived>& w) {
+  return Eigen::Quaternion<typename Derived::Scalar>(so3_angle_axis(w));
 }
 
 /// The rotation vector of R, 0 <= |w| <= pi; also near half a turn, where either of two axes may come out. R must be a

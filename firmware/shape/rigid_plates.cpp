@@ -13,7 +13,7 @@ namespace finsight {
 PlateMotions plate_motions(const PlatePoses& poses) {
   PlateMotions motions;
   for (int p = 0; p < kPlates; ++p) {
-    motions[p].rotation = so3_exp(poses.plates[p].rotation_rad.cast<double>());
+    motions[p].rotation = so3_exp_quaternion(poses.plates[p].rotation_rad.cast<double>());
     motions[p].displacement_mm = poses.plates[p].displacement_mm.cast<double>();
   }
   return motions;

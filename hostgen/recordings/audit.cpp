@@ -29,7 +29,7 @@ double motion_mm(const RecordedMotion& motion, std::size_t row) {
 }
 
 Eigen::Quaterniond rotation(const RecordedMotion& motion, std::size_t row) {
-  return Eigen::Quaterniond(so3_exp(top_plate(motion, row).rotation_rad.cast<double>()));
+  return so3_exp_quaternion(top_plate(motion, row).rotation_rad.cast<double>());
 }
 
 bool same_row(const RecordedMotion& motion, std::size_t a, std::size_t b) {

@@ -41,6 +41,14 @@ TEST_CASE("so3: the exponential is its power series") {
   for (const Vector3d& w : vectors()) CHECK((so3_exp(w) - exp_by_series(w)).norm() < 1e-13);
 }
 
+TEST_CASE("so3: the quaternion is the same rotation") {
+  for (const Vector3d& w : vectors()) {
+    CHECK((so3_exp_quaternion(w).toRotationMatrix() - so3_exp(w)).norm() < 1e-14);
+    CHECK(std::abs(so3_exp_quaternion(w).norm() - 1) < 1e-15);
+  }
+  CHECK(so3_exp(Vector3d(Vector3d::Zero())) == Matrix3d::Identity());
+}
+
 TEST_CASE("so3: the logarithm undoes the exponential up to half a turn") {
   for (const Vector3d& w : vectors()) CHECK((so3_log(so3_exp(w)) - w).norm() < 1e-9);
   const Matrix3d half_turn = so3_exp(Vector3d(0, std::numbers::pi, 0));
