@@ -1,4 +1,5 @@
 #include "hostgen/bench/iteration.h"
+#include "hostgen/util/stopwatch.h"
 
 #include <Eigen/CholmodSupport>
 #include <Eigen/SparseCholesky>
@@ -11,7 +12,6 @@
 #include "firmware/shape/elements.h"
 #include "firmware/shape/flush_denormals.h"
 #include "firmware/shape/free_step.h"
-#include "hostgen/bench/stopwatch.h"
 
 namespace finsight::host {
 
@@ -21,7 +21,7 @@ namespace {
 template <class S>
 struct Derivatives {
   Derivatives(const ShapeModel& model, std::span<const double> node_mm)
-      : cholesky(model.cholesky), elements(model, cholesky), plates_rest(3 * model.nodes), gradient(3 * model.nodes) {
+      : cholesky(model.cholesky), elements(model, &cholesky), plates_rest(3 * model.nodes), gradient(3 * model.nodes) {
     for (const double coordinate : node_mm) x.push_back(static_cast<S>(coordinate));
     free_offset.resize(static_cast<std::size_t>(model.cholesky.blocks));
     for (int i = 0; i < model.nodes; ++i) {

@@ -10,7 +10,7 @@
 #include "firmware/shape/soft_newton.h"
 #include "hostgen/bench/iteration.h"
 #include "hostgen/bench/second_order.h"
-#include "hostgen/bench/stopwatch.h"
+#include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
 

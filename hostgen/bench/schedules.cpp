@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "firmware/shape/newton.h"
-#include "hostgen/bench/stopwatch.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
 

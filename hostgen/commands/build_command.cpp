@@ -17,6 +17,7 @@
 #include "hostgen/pack/model_pack.h"
 #include "hostgen/report/build_figures.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
 
@@ -151,10 +152,6 @@ void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
   }
 }
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 void run(const Options& options) {
   const Profile profile = chosen_profile(options);
   Parts parts;
@@ -169,11 +166,11 @@ void run(const Options& options) {
   parts.shape = make_shape_model(mesh);
 
   BuildFigures figures{.profile = options.profile};
-  const auto fem_start = std::chrono::steady_clock::now();
+  Stopwatch fem_time;
   const std::clock_t fem_clock = std::clock();
   const FemDataset dataset = truth(parts.spec, mesh, profile, options);
   if (options.dataset.empty()) {
-    figures.fem_seconds = seconds_since(fem_start);
+    figures.fem_seconds = fem_time.lap_s();
     figures.fem_cpu_seconds = static_cast<double>(std::clock() - fem_clock) / CLOCKS_PER_SEC;
   }
   figures.fem_states = dataset.states.size();
@@ -187,10 +184,10 @@ void run(const Options& options) {
 
   if (!options.save_dataset.empty()) write_dataset(options.save_dataset, dataset);
 
-  const auto training_start = std::chrono::steady_clock::now();
+  Stopwatch training_time;
   parts.prior = fit_plate_prior(dataset, parts.spec.noise);
   parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps});
-  figures.training_seconds = seconds_since(training_start);
+  figures.training_seconds = training_time.lap_s();
   figures.touch = &parts.touch;
   std::printf("%s", parts.touch.log.c_str());
 

@@ -1,4 +1,4 @@
-// One function per subcommand; each lives in hostgen/<name>_command.cpp.
+// One function per subcommand, each in <name>_command.cpp beside this file.
 #pragma once
 
 namespace CLI {

@@ -1,7 +1,6 @@
 #include "hostgen/learn/shape_at_touch.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -12,6 +11,7 @@
 #include "hostgen/learn/shape_truth.h"
 #include "hostgen/learn/split.h"
 #include "hostgen/util/statistics.h"
+#include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
 
@@ -90,9 +90,9 @@ TierAtTouch judge(const char* tier, ShapeStage& stage, const ShapeSamples& sampl
   for (std::size_t i = 0; i < samples.state.size(); ++i) {
     const PoseVector numbers = samples.poses.row(static_cast<Eigen::Index>(i)).transpose();
     stage.reset();
-    const auto start = std::chrono::steady_clock::now();
+    Stopwatch watch;
     const FingerShape& answer = stage.solve(seen_poses({numbers.data(), kPoseDims}));
-    us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+    us.push_back(watch.lap_us());
     for (std::size_t k = 0; k < displacement_mm.size(); ++k) displacement_mm[k] = answer.node_mm[k] - shape.rest_mm[k];
     (samples.noisy[i] ? noisy : clean).add(samples.state[i], displacement_mm);
     by_contact_map += samples.noisy[i] && answer.source == ShapeSource::kContactMap;

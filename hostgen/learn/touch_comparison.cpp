@@ -1,7 +1,6 @@
 #include "hostgen/learn/touch_comparison.h"
 
 #include <Eigen/Cholesky>
-#include <chrono>
 #include <opencv2/ml.hpp>
 #include <stdexcept>
 
@@ -9,6 +8,7 @@
 #include "hostgen/learn/split.h"
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
 
@@ -148,10 +148,6 @@ Eigen::MatrixXf pick(const Eigen::MatrixXf& all, const std::vector<std::size_t>&
   return chosen;
 }
 
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 struct Trial {
   AxisErrors clean, noisy;
   double train_s = 0, predict_us = 0;
@@ -161,16 +157,16 @@ Trial try_method(const std::string& name, const States& states, const Split& spl
   const Eigen::MatrixXf train = pick(states.clean, split.train), truth = pick(states.point_mm, split.test);
   const Normalisation inputs(train), outputs(pick(states.point_mm, split.train));
   Trial trial;
-  const auto start = std::chrono::steady_clock::now();
+  Stopwatch watch;
   const Predictor predictor = fit(name, inputs.apply(train), outputs.apply(pick(states.point_mm, split.train)), plan);
-  trial.train_s = seconds_since(start);
+  trial.train_s = watch.lap_s();
   const auto errors = [&](const Eigen::MatrixXf& numbers) {
     const Eigen::MatrixXf answer = outputs.undo(predictor(inputs.apply(pick(numbers, split.test))));
     return axis_errors(truth.cast<double>(), (answer - truth).cast<double>());
   };
-  const auto asked = std::chrono::steady_clock::now();
+  watch.lap_s();
   trial.clean = errors(states.clean);
-  trial.predict_us = 1e6 * seconds_since(asked) / static_cast<double>(split.test.size());
+  trial.predict_us = watch.lap_us() / static_cast<double>(split.test.size());
   trial.noisy = errors(states.noisy);
   return trial;
 }

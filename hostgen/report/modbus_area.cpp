@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <nlohmann/json.hpp>
 #include <system_error>
 #include <thread>
@@ -15,6 +14,7 @@
 
 #include "firmware/modbus/server.h"
 #include "hostgen/report/areas.h"
+#include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
 
@@ -65,9 +65,9 @@ class RawClient {
 std::vector<double> read_times_us(RawClient& client, int count) {
   std::vector<double> us;
   for (int i = 0; i < count; ++i) {
-    const auto start = std::chrono::steady_clock::now();
+    Stopwatch watch;
     client.exchange({3, 0, 0, 0, 40});
-    us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+    us.push_back(watch.lap_us());
   }
   std::sort(us.begin(), us.end());
   return us;

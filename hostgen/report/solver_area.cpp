@@ -1,6 +1,5 @@
 // Speed against error of the shape stage.
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -15,6 +14,7 @@
 #include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
 #include "hostgen/util/gnuplot.h"
+#include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
 
@@ -55,9 +55,9 @@ json measure(const Model& model, const Schedule& schedule, const PlateMotionPath
   std::vector<double> us;
   ShapeDistance total;
   for (std::size_t k = 0; k < motion.frames.size(); ++k) {
-    const auto start = std::chrono::steady_clock::now();
+    Stopwatch watch;
     const FingerShape& shape = stage.solve(motion.frames[k]);
-    us.push_back(std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start).count());
+    us.push_back(watch.lap_us());
     const ShapeDistance d = shape.node_mm.empty() ? measures_distance(model.shape, shape, truth[k])
                                                   : shape_distance(shape.node_mm, std::span<const double>(truth[k]));
     total.worst_mm = std::max(total.worst_mm, d.worst_mm);

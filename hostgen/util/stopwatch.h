@@ -1,3 +1,4 @@
+// How long something took.
 #pragma once
 
 #include <chrono>
@@ -7,12 +8,13 @@ namespace finsight::host {
 class Stopwatch {
  public:
   /// Since the last call, or since the start.
-  double lap_us() {
+  double lap_s() {
     const auto now = std::chrono::steady_clock::now();
-    const double us = std::chrono::duration<double, std::micro>(now - last_).count();
+    const std::chrono::duration<double> lap = now - last_;
     last_ = now;
-    return us;
+    return lap.count();
   }
+  double lap_us() { return 1e6 * lap_s(); }
 
  private:
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();

@@ -16,7 +16,7 @@ using namespace finsight;
 struct Work {
   explicit Work(const Model& model)
       : cholesky(model.shape.cholesky),
-        elements(model.shape, cholesky),
+        elements(model.shape, &cholesky),
         x(model.shape.rest_mm.begin(), model.shape.rest_mm.end()),
         step(x.size()),
         gradient(x.size()),
