@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 
+#include "firmware/vision/rigid_motion_fit.h"
 #include "tests/vision/sight.h"
 
 using namespace finsight;
@@ -87,6 +88,6 @@ TEST_CASE("mount check: a touch that is held for long is none, nor is a plate th
     PlatePoses poses;
     poses.seen = {true, false, true};
     poses.quality = Quality::kFresh;
-    CHECK_FALSE(check.update(poses, {.size_mm = 4, .reprojection_px = 0, .unexplained_sq = 0}));
+    CHECK_FALSE(check.update(poses, RigidMotionFit{.size_mm = 4, .reprojection_px = 0, .unexplained_sq = 0}));
   }
 }
