@@ -8,8 +8,8 @@ namespace finsight {
 /// Half a millimetre per degree, the lever of a plate's edge: makes rotations comparable with displacements.
 inline constexpr float kMillimetresPerRadian = 28.65f;
 
-/// The part `t` (0: a, 1: b) of an even way from a to b, number by number.
-inline PlateMotion on_the_way(const PlateMotion& a, const PlateMotion& b, float t) {
+/// Linear interpolation from a (t = 0) to b (t = 1), number by number.
+inline PlateMotion lerp(const PlateMotion& a, const PlateMotion& b, float t) {
   return {a.displacement_mm + t * (b.displacement_mm - a.displacement_mm),
           a.rotation_rad + t * (b.rotation_rad - a.rotation_rad)};
 }

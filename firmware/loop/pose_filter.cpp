@@ -26,7 +26,7 @@ void PoseFilter::apply(PlatePoses& poses, std::int64_t exposure_ns) {
   const double share = elapsed_ns / (delay_ns_ + elapsed_ns);
   const auto part = static_cast<float>(share);
   for (int p = 0; p < kPlates; ++p) {
-    poses.plates[p] = on_the_way(last_.plates[p], poses.plates[p], part);
+    poses.plates[p] = lerp(last_.plates[p], poses.plates[p], part);
   }
   noise_share_ = std::hypot(share, (1 - share) * noise_share_);
   for (float& noise : poses.noise) noise *= static_cast<float>(noise_share_);

@@ -1,4 +1,4 @@
-// One Newton iteration of the shape, done in several ways, so that their times can be compared in one run on one core.
+// One Newton iteration of the shape by several methods, so that their times can be compared in one run on one core.
 #pragma once
 
 #include <functional>
@@ -16,7 +16,7 @@ struct IterationTime {
   double sum_us() const { return derivatives_us + factor_us + solve_us + step_us; }
 };
 
-/// Does the iteration at one shape again and again; throws std::runtime_error if a factorisation fails there.
+/// Repeats the iteration at one shape; throws std::runtime_error if a factorisation fails there.
 using Iteration = std::function<IterationTime()>;
 
 /// What the frame loop does. S: float or double. node_mm: [3 * nodes] without inverted tetrahedra.
@@ -26,9 +26,9 @@ Iteration our_iteration(const ShapeModel& model, std::span<const double> node_mm
 Iteration eigen_iteration(const ShapeModel& model, std::span<const double> node_mm);
 /// Our derivatives, CHOLMOD's supernodal factorisation on a pattern that it has analysed before.
 Iteration cholmod_iteration(const ShapeModel& model, std::span<const double> node_mm);
-/// The published way (paper, section 2.2): plates on springs, every tetrahedron's derivatives by automatic
-/// differentiation and its Hessian projected by a dense eigen-solver, the matrix put together from triplets, analysed
-/// and factored by SimplicialLDLT anew. `soft`: of make_soft_shape_model().
+/// The published method (paper, section 2.2): plates on springs, every tetrahedron's derivatives by automatic
+/// differentiation and its Hessian projected by a dense eigen-solver, the matrix assembled from triplets, analysed
+/// and factored by SimplicialLDLT every time. `soft`: of make_soft_shape_model().
 Iteration published_iteration(const ShapeModel& soft, std::span<const double> node_mm);
 
 }  // namespace finsight::host

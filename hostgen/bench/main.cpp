@@ -1,4 +1,5 @@
-// bench: how long a Newton iteration takes in several ways, and what fixed schedules cost and err, on several meshes.
+// bench: how long a Newton iteration takes by several methods, and what fixed schedules cost and err, on several
+// meshes.
 #include <sched.h>
 
 #include <CLI/CLI.hpp>
@@ -34,7 +35,7 @@ struct Mesh {
   ShapeModelData model, soft;
 };
 
-/// Libraries may bring threads along; one core is what everybody gets.
+/// Libraries may start threads of their own; all methods are measured on one core.
 void stay_on_one_core() {
   cpu_set_t core;
   CPU_ZERO(&core);
@@ -42,8 +43,8 @@ void stay_on_one_core() {
   if (sched_setaffinity(0, sizeof core, &core) != 0) throw std::runtime_error("bench: cannot stay on one core");
 }
 
-/// The ways in turn, round by round, so that the machine's mood meets all of them. The shortest iteration of each
-/// counts: what else the machine does only adds.
+/// Runs the methods in turn, round by round, so that other load on the machine affects all of them. The shortest
+/// iteration of each counts, because other load only adds time.
 json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, Iteration>>& ways, int rounds) {
   constexpr double kTurn_us = 30'000;
   std::vector<IterationTime> best(ways.size());
@@ -109,7 +110,7 @@ double growth_exponent(const json& iterations) {
   return (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }
 
-/// How many iterations the published way takes for a frame of the hard motion, from the frame before.
+/// How many iterations the published method takes for a frame of the hard motion, from the frame before.
 double published_iterations_per_frame(const Mesh& mesh, const MountModel& mount) {
   const PlateMotionPath motion = report_motions(mount)[1];
   SoftNewtonSolver<double> solver(mesh.soft.view(), mount);
@@ -155,7 +156,7 @@ json measure_schedules(const Mesh& mesh, const MountModel& mount, bool quick) {
   return rows;
 }
 
-/// What a coarser mesh's converged shape differs from the finest one's.
+/// By how much a coarser mesh's converged shape differs from the finest one's.
 json measure_meshes(const std::vector<Mesh>& meshes, const MountModel& mount) {
   PlateMotionPath motion = report_motions(mount)[1];
   motion.frames.resize(motion.frames.size() / 2 + 1);  // to the extreme
@@ -259,10 +260,11 @@ void run(const Options& options) {
                 row["sum_us"].get<double>());
   }
   std::printf(
-      "one iteration at %d tets: %.2f ms, published way %.1f ms: %.0f times; Eigen's LDLT %.1f times, CHOLMOD %.1f\n",
+      "one iteration at %d tets: %.2f ms, published method %.1f ms: %.0f times; Eigen's LDLT %.1f times, CHOLMOD "
+      "%.1f\n",
       tets, ours_us / 1000, published_us / 1000, published_us / ours_us, time_of(iterations, tets, "eigen") / ours_us,
       time_of(iterations, tets, "cholmod") / ours_us);
-  std::printf("growth with the number of tets: exponent %.2f; the published way takes %.1f iterations for a frame\n",
+  std::printf("growth with the number of tets: exponent %.2f; the published method takes %.1f iterations for a frame\n",
               growth_exponent(iterations), published_steps);
   if (!options.output.empty()) write_file_atomically(options.output, result.dump(1) + "\n");
 }
@@ -274,7 +276,7 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   using namespace finsight;
   host::Options options;
-  CLI::App app("bench: one Newton iteration in several ways, and what fixed schedules cost and err, on one core");
+  CLI::App app("bench: one Newton iteration by several methods, and what fixed schedules cost and err, on one core");
   app.add_option("--spec", options.spec, "finger spec (TOML)")->capture_default_str();
   app.add_option("-o,--output", options.output, "write the figures to this file (JSON)");
   app.add_option("--instructions", options.counted_program, "count instructions too: the program bench_instructions")

@@ -120,7 +120,7 @@ Iteration published_iteration(const ShapeModel& soft, std::span<const double> no
     Stopwatch watch;
     finger->derivatives();
     time.derivatives_us = watch.lap_us();
-    if (!finger->factor()) throw std::runtime_error("bench: the published way's factorisation fails");
+    if (!finger->factor()) throw std::runtime_error("bench: the published method's factorisation fails");
     time.factor_us = watch.lap_us();
     finger->solve();
     time.solve_us = watch.lap_us();

@@ -23,7 +23,7 @@ std::string extension(const fs::path& file) {
   return text;
 }
 
-/// How many of a file's frames are looked at; what is wrong with it shows when they are.
+/// How many of a file's frames will be read. Errors in the file are reported when they are read.
 std::size_t images_in(const fs::path& file, int every) {
   if (extension(file) != ".y4m") return 1;
   std::size_t frames = 0;
@@ -50,7 +50,7 @@ BoardView unreadable(const std::string& name, const std::exception& error) {
   return view;
 }
 
-/// What was read of a file that is cut stays.
+/// Keeps the frames read before the end of a truncated file.
 void add_frames(const fs::path& file, int every, BoardFinder& finder, std::vector<BoardView>& views,
                 Progress& progress) {
   const std::string name = file.filename().string();
@@ -140,7 +140,7 @@ double distance_px(const BoardSight& a, const BoardSight& b) {
   return 2 * both < std::max(a.id.size(), b.id.size()) ? 1e9 : sum / static_cast<double>(both);
 }
 
-/// The earlier of two views stays. So many images that too many stay are thinned out further.
+/// Keeps the earlier of two similar views. If too many remain, the threshold rises until few enough do.
 void reject_duplicates(std::vector<BoardView>& views) {
   std::vector<BoardView*> kept = used_views(views);
   if (kept.empty()) return;

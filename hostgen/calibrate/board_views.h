@@ -29,10 +29,10 @@ std::vector<std::filesystem::path> image_files(const std::filesystem::path& fold
 /// of `every`. Files that cannot be read are rejected views. Shows progress. Throws InputError like image_files().
 std::vector<BoardView> read_board_views(const std::filesystem::path& folder, const CharucoBoard& board, int every);
 
-/// Rejects what must not count, each with its reason: no board or another one, too few corners, blur, another image
-/// size than most have, and views that show what an earlier one shows. At most kMaxViews stay.
+/// Rejects unusable views, each with its reason: no board or another one, too few corners, blur, another image
+/// size than most have, and views that repeat an earlier one. Keeps at most kMaxViews.
 void reject_bad_views(const CharucoBoard& board, std::vector<BoardView>& views);
-inline constexpr int kMaxViews = 60;  ///< more change nothing but the time, which grows with their third power
+inline constexpr int kMaxViews = 60;  ///< more only cost time, which grows with their third power
 inline constexpr int kMinCorners = 12;
 
 /// Those that are not rejected.

@@ -59,7 +59,7 @@ std::string calibration_text(const LensCalibration& calibration, const Coverage&
   out += text("views whose left side is nearer by %.0f degrees or more: %d, right: %d, upper: %d, lower: %d\n",
               kTiltDeg, coverage.tilted[0], coverage.tilted[1], coverage.tilted[2], coverage.tilted[3]);
   if (!coverage.no_lens.empty()) {
-    out += "the model turns back in these corners of the image, a marker there is not measured:";
+    out += "the lens model folds over in these corners of the image, where markers cannot be measured:";
     for (const std::string& corner : coverage.no_lens)
       out += (&corner == coverage.no_lens.data() ? " " : ", ") + corner;
     out += "\n";

@@ -1,4 +1,4 @@
-// What a calibration says of itself: tables, the TOML for board files, an image.
+// Presents a calibration: tables, the TOML for board files, a plot.
 #pragma once
 
 #include <filesystem>
@@ -8,7 +8,7 @@
 
 namespace finsight::host {
 
-/// A line per image: corners, width of the edges, distance from the model, and used or why not.
+/// One line per image: corners, width of the edges, distance from the model, and whether it was used or why not.
 std::string view_table(const std::vector<BoardView>& views);
 
 /// The numbers with their standard deviations, the coverage, and the advice.

@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kSquare = CharucoBoard::kModulesPerSquare, kMargin = kSquare / 2;
 
-/// Where squares are in the image, as one marker tells it.
+/// Where squares are in the image, extrapolated from one marker.
 struct SeenMarker {
   cv::Matx33d px_from_square;
   double side_px = 0;      ///< of a square; mean
@@ -49,7 +49,7 @@ SeenMarker seen_marker(const FoundMarker& found, int column, int row) {
   return marker;
 }
 
-/// The markers by id; those that are there twice are not told apart and count as none.
+/// The markers by id, without those that were found twice: which one is the board's cannot be told.
 std::map<int, FoundMarker> find_markers(MarkerDetector& detector, const ImageView& image) {
   const float longest_px = static_cast<float>(std::max(image.width_px, image.height_px));
   std::map<int, FoundMarker> markers;

@@ -31,7 +31,7 @@ struct CharucoBoard {
   GreyImage modules() const;
 };
 
-/// The board for a printer, with its squares exactly so large on paper.
+/// The board for a printer, with squares of exactly this size on paper.
 std::string board_svg(const CharucoBoard& board, double square_mm);
 /// About 600 dots per inch, a whole number of them per module.
 std::string board_png(const CharucoBoard& board, double square_mm);
@@ -49,13 +49,19 @@ struct BoardSight {
 class BoardFinder {
  public:
   explicit BoardFinder(const CharucoBoard& board);
-  /// Corners between two markers that agree where it is, refined to a tenth of a pixel.
+  /// Finds the inner corners for which both adjacent markers predict the same place, refined to a tenth of a pixel.
+  ///
+  /// OpenCV has such a finder, too. In Debian 12's version (4.6) its corners lie (0.48, 0.48) pixels beside the truth,
+  /// which would shift the principal point by half a pixel; without that shift they scatter by 0.11 pixels RMS instead
+  /// of 0.08, and in blurred images (sigma 1.5 pixels) it finds 537 corners instead of 725 in 23 views. See the test
+  /// that compares both.
   BoardSight find(const ImageView& image);
 
  private:
   CharucoBoard board_;
-  MarkerDetector detector_{
-      {.noisy_edges = INT_MAX, .edges = INT_MAX, .squares = 4096}};  // a board is all squares, and nobody waits
+  MarkerDetector detector_{{.noisy_edges = INT_MAX,
+                            .edges = INT_MAX,
+                            .squares = 4096}};  // a board is full of squares, and time does not matter here
 };
 
 }  // namespace finsight::host

@@ -98,7 +98,7 @@ GreyImage read_pgm(const std::filesystem::path& file) {
 
 std::string png_bytes(const GreyImage& image, std::uint32_t pixels_per_metre) {
   std::string bytes = encoded(image.width_px, image.height_px, PNG_FORMAT_GRAY, image.grey.data());
-  // libpng's simple interface knows no pHYs, the chunk with the printed size. It belongs behind the header: 8 bytes of
+  // libpng's simple interface does not write pHYs, the chunk with the printed size. It follows the header: 8 bytes of
   // signature and 25 of IHDR.
   std::string chunk = "pHYs";
   append_big_endian(chunk, pixels_per_metre);

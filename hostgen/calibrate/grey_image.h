@@ -18,7 +18,7 @@ struct GreyImage {
 };
 
 /// Sides up to kLargestSide_px; colours become grey. Throws InputError with what is wrong: not a PNG file or one that
-/// is cut, not a binary PGM file (P5) of 8 bits.
+/// is truncated, not a binary PGM file (P5) of 8 bits.
 GreyImage read_png(const std::filesystem::path& file);
 GreyImage read_pgm(const std::filesystem::path& file);
 inline constexpr int kLargestSide_px = 8192;

@@ -21,7 +21,7 @@ constexpr double kUndetermined = 0.02;  // standard deviation of focal length an
 
 struct Fit {
   cv::Mat matrix = cv::Mat::eye(3, 3, CV_64F), distortion, sigma;
-  std::vector<cv::Mat> turns, shifts;
+  std::vector<cv::Mat> rotations, translations;
 };
 
 Fit fit(const CharucoBoard& board, const std::vector<BoardView*>& views) {
@@ -39,7 +39,7 @@ Fit fit(const CharucoBoard& board, const std::vector<BoardView*>& views) {
   Fit result;
   cv::Mat outer_sigma, view_errors;
   cv::calibrateCamera(places, pixels, {views[0]->width_px, views[0]->height_px}, result.matrix, result.distortion,
-                      result.turns, result.shifts, result.sigma, outer_sigma, view_errors, 0,
+                      result.rotations, result.translations, result.sigma, outer_sigma, view_errors, 0,
                       {cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 100, 1e-9});
   return result;
 }
@@ -65,7 +65,7 @@ void add_residuals(const CharucoBoard& board, const Fit& found, const std::vecto
     std::vector<cv::Point3d> places;
     for (const int id : view.sight.id) places.emplace_back(board.corner(id).x(), board.corner(id).y(), 0);
     std::vector<cv::Point2d> pixels;
-    cv::projectPoints(places, found.turns[v], found.shifts[v], found.matrix, found.distortion, pixels);
+    cv::projectPoints(places, found.rotations[v], found.translations[v], found.matrix, found.distortion, pixels);
     double view_sum = 0;
     view.residual_px.clear();
     for (std::size_t i = 0; i < pixels.size(); ++i) {
@@ -76,17 +76,17 @@ void add_residuals(const CharucoBoard& board, const Fit& found, const std::vecto
     view.rms_px = std::sqrt(view_sum / static_cast<double>(pixels.size()));
     sum += view_sum;
     calibration.corners += pixels.size();
-    cv::Matx33d turn;
-    cv::Rodrigues(found.turns[v], turn);
+    cv::Matx33d R;
+    cv::Rodrigues(found.rotations[v], R);
     for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) view.T_camera_board.linear()(i, j) = turn(i, j);
-      view.T_camera_board.translation()[i] = found.shifts[v].at<double>(i);
+      for (int j = 0; j < 3; ++j) view.T_camera_board.linear()(i, j) = R(i, j);
+      view.T_camera_board.translation()[i] = found.translations[v].at<double>(i);
     }
   }
   calibration.rms_px = std::sqrt(sum / static_cast<double>(calibration.corners));
 }
 
-/// Single corners that glare, dirt or the lens's edge spoilt are taken out of their views.
+/// Removes single corners that were spoilt by glare, dirt or the lens's edge.
 bool drop_outlier_corners(const std::vector<BoardView*>& views) {
   std::vector<double> distances;
   for (const BoardView* view : views) {
@@ -125,7 +125,7 @@ bool reject_worst(const std::vector<BoardView*>& views) {
   return true;
 }
 
-/// A lens that views do not determine comes out of the fit as numbers all the same.
+/// The fit returns numbers even when the views do not determine a lens: these are refused.
 void check_determined(const LensCalibration& calibration, const std::string& name) {
   const auto& [lens, sigma, rms_px, views, corners] = calibration;
   try {
@@ -187,7 +187,7 @@ LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>
     }
     if (drop_outlier_corners(used) || reject_worst(used)) continue;
     check_determined(calibration, name);
-    // Of a board that is never tilted, focal length and distance cannot be told apart, however small the deviation.
+    // If the board is never tilted, focal length and distance cannot be separated, however small the residuals.
     const Coverage coverage = coverage_of(calibration, views);
     if (std::count(coverage.tilted.begin(), coverage.tilted.end(), 0) == 4) {
       throw InputError(name, "tilted views", "none by 12 degrees", "some: show the board tilted to all sides");
@@ -229,7 +229,7 @@ std::vector<std::string> advice(const Coverage& coverage) {
   std::size_t next = 0;
   for (std::size_t ninth = 0; ninth < 9; ++ninth) {
     if (coverage.views[ninth] >= kWanted) continue;
-    // A tilt that is missing, one after the other; where none is, any will do.
+    // Goes through the missing tilts in turn; if none is missing, any tilt will do.
     const std::string how = tilts.empty() ? ", tilted" : tilted(tilts[next++ % tilts.size()]);
     lines.push_back(std::string("show the board in the ") + kNinths[ninth] + how);
   }

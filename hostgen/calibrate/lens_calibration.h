@@ -1,4 +1,4 @@
-// Views of the calibration board -> the camera's lens, and what is missing for a better one.
+// Views of the calibration board -> the camera's lens, and which further views would improve it.
 #pragma once
 
 #include <array>
@@ -20,12 +20,12 @@ struct LensCalibration {
 inline constexpr std::size_t kMinViews = 6;
 
 /// Pinhole and Brown-Conrady by cv::calibrateCamera (Zhang, "A flexible new technique for camera calibration", 2000),
-/// from the views that are not rejected. Corners and views that the rest does not explain are left out on the way.
-/// Fills what views have of the calibration. Throws InputError (`name` stands for the file) if fewer than kMinViews
+/// from the views that are not rejected. Outlying corners and views are left out.
+/// Fills in the views' poses and residuals. Throws InputError (`name` stands for the file) if fewer than kMinViews
 /// are left or they do not determine a lens.
 LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name);
 
-/// How well the views cover what they should.
+/// How well the views cover the image and the tilts.
 struct Coverage {
   std::array<int, 9> views{};        ///< by ninth of the image, row by row: views with three corners or more there
   std::array<int, 4> tilted{};       ///< views whose left, right, upper, lower side is nearer, by kTiltDeg or more
@@ -34,7 +34,7 @@ struct Coverage {
 inline constexpr double kTiltDeg = 12;
 Coverage coverage_of(const LensCalibration& calibration, std::vector<BoardView>& views);
 
-/// What to show the camera besides, in words; empty if nothing is missing.
+/// Which further views to record, in words; empty if nothing is missing.
 std::vector<std::string> advice(const Coverage& coverage);
 
 }  // namespace finsight::host

@@ -66,7 +66,7 @@ Residuals residuals(const MountModel& nominal, const Lens& lens, const RestingCo
   return r;
 }
 
-/// The sum over a session of what one corner does.
+/// Mean and scatter of one corner over a session.
 struct CornerSum {
   Vector2d sum = Vector2d::Zero(), first = Vector2d::Zero();
   double squares = 0;
@@ -128,7 +128,7 @@ RestingCorners resting_corners(const std::filesystem::path& session, const Mount
 
 MountEstimate estimate_mount(const MountModel& nominal, const Lens& lens, const RestingCorners& seen,
                              const std::string& name) {
-  constexpr int kSteps = 10;            // quadratic: four stand still to 1e-9
+  constexpr int kSteps = 10;            // it converges quadratically: to 1e-9 in four
   constexpr double kDifference = 1e-5;  // mm and rad; the residuals' rounding is 1e-12 of them
   Numbers x = Numbers::Zero();
   Eigen::Matrix<double, kNumbers, kNumbers> information;
@@ -157,7 +157,7 @@ MountEstimate estimate_mount(const MountModel& nominal, const Lens& lens, const 
     estimate.mount.T_finger_marker[p] =
         moved(nominal.T_finger_marker[p].cast<double>(), estimate.change.col(1 + static_cast<int>(p)));
   }
-  corrected_mount(nominal, estimate.mount);  // the firmware takes it
+  corrected_mount(nominal, estimate.mount);  // throws what the firmware would refuse
   return estimate;
 }
 
@@ -167,8 +167,8 @@ std::string place_name(int place) {
   return place == 0 ? "camera" : std::string(kPlateNames[static_cast<std::size_t>(place - 1)]) + " marker";
 }
 
-/// A mount that explains the corners, but that hardly anyone would mount so.
-std::string doubts(const MountEstimate& estimate) {
+/// Warns of offsets that explain the corners but are larger than parts are usually mounted.
+std::string mounting_warnings(const MountEstimate& estimate) {
   constexpr double kUsual = 3;  // standard deviations
   const Eigen::Matrix<double, 6, kPlaces> off = estimate.change.cwiseQuotient(mounted_to().reshaped(6, kPlaces));
   std::string text;
@@ -188,7 +188,7 @@ std::string doubts(const MountEstimate& estimate) {
 }  // namespace
 
 std::string mount_text(const MountEstimate& estimate) {
-  std::string text = "away from the spec           shift, mm: x       y       z     turn, deg: x       y       z\n";
+  std::string text = "away from the spec           shift, mm: x       y       z     rotation, deg: x       y       z\n";
   for (int place = 0; place < kPlaces; ++place) {
     for (const bool of_sigma : {false, true}) {
       const Eigen::Matrix<double, 6, 1> v = of_sigma ? estimate.sigma.col(place) : estimate.change.col(place);
@@ -201,7 +201,7 @@ std::string mount_text(const MountEstimate& estimate) {
   }
   char line[96];
   std::snprintf(line, sizeof line, "corners are %.3f pixels from that (RMS)\n", estimate.rms_px);
-  return text + line + doubts(estimate);
+  return text + line + mounting_warnings(estimate);
 }
 
 }  // namespace finsight::host

@@ -79,8 +79,9 @@ std::string csv_rows(std::size_t number, double time_s, const ContactForces& fou
     const Contact& c = found.contacts[i];
     std::snprintf(line, sizeof line, "%zu,%.6f,%zu,%.3f,%.3f,%.3f,%.4f,%.4f,%.4f,%.2f,%.2f,%d\n", number, time_s, i,
                   static_cast<double>(c.point_mm.x()), static_cast<double>(c.point_mm.y()),
-                  static_cast<double>(c.point_mm.z()), c.force_n, c.doubt.lowest_force_n, c.doubt.highest_force_n,
-                  c.doubt.position_95_mm, c.doubt.extent_95_mm, found.explained ? 1 : 0);
+                  static_cast<double>(c.point_mm.z()), c.force_n, c.uncertainty.lowest_force_n,
+                  c.uncertainty.highest_force_n, c.uncertainty.position_95_mm, c.uncertainty.extent_95_mm,
+                  found.explained ? 1 : 0);
     rows += line;
   }
   return rows;

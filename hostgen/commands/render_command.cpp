@@ -195,7 +195,7 @@ void add_render_command(CLI::App& app) {
       ->check(CLI::IsMember(names_of(session_events())))
       ->capture_default_str();
   command->add_option("--seconds", options->seconds, "length")->check(CLI::Range(0.1, 600.0))->capture_default_str();
-  command->add_option("--seed", options->seed, "of the touch's way and of the noise")->capture_default_str();
+  command->add_option("--seed", options->seed, "of the touch's path and of the noise")->capture_default_str();
   command->callback([options] { run(*options); });
 }
 

@@ -100,8 +100,7 @@ struct Supernode {
 };
 
 // Time of a front, in units of one multiply-add at the kernels' full speed: its arithmetic, clearing and filling the
-// panel, adding its update to its parent, and a constant for loop overheads. Estimates; the
-// optimum is flat.
+// panel, adding its update to its parent, and a constant for loop overheads. Estimates; the optimum is flat.
 double front_cost(double columns, double rows) {
   constexpr double kPerFront = 12000, kPerPanelEntry = 12, kPerUpdateEntry = 12;
   const double m = 3 * columns, n = 3 * rows;

@@ -41,7 +41,7 @@ struct Unexplained {
     const MatrixXd left = beside(others, J);
     product = left.transpose() * goal;
     square = left.colwise().squaredNorm();
-    // A place that does what the others do has nothing left but rounding.
+    // A place that has the same effect as the others leaves only rounding errors.
     square = (square.array() > 1e-9 * J.colwise().squaredNorm().transpose().array()).select(square, 0.0);
   }
   static MatrixXd beside(const MatrixXd& others, const MatrixXd& J) {
@@ -96,9 +96,9 @@ MatrixXd derivatives(const PushResponse& response, const ContactChoice& choice) 
   for (Index i = 0; i < choice.force_n.size(); ++i) {
     const Eigen::Vector2d place = choice.place_mm.col(i);
     for (Index axis = 0; axis < 2; ++axis) {
-      const Eigen::Vector2d way = kDifference_mm * Eigen::Vector2d::Unit(axis);
+      const Eigen::Vector2d step = kDifference_mm * Eigen::Vector2d::Unit(axis);
       M.col(3 * i + axis) =
-          choice.force_n[i] * (response.at(place + way) - response.at(place - way)) / (2 * kDifference_mm);
+          choice.force_n[i] * (response.at(place + step) - response.at(place - step)) / (2 * kDifference_mm);
     }
     M.col(3 * i + 2) = response.at(place);
   }
@@ -113,7 +113,7 @@ MatrixXd covariance(const MatrixXd& M) {
   return (M.transpose() * M + kMin * MatrixXd::Identity(M.cols(), M.cols())).inverse();
 }
 
-/// Every contact in turn goes to the place of the grid where it explains most, until none wants to move.
+/// Moves every contact in turn to the place of the grid where it explains most, until no contact moves any more.
 ContactChoice moved(const PushResponse& response, const VectorXd& goal, ContactChoice choice) {
   for (int move = 0; move < kMaxMoves; ++move) {
     bool better = false;
@@ -202,15 +202,15 @@ struct SpreadPushes {
   }
   void add_spread(const PushResponse& response, const Eigen::Vector2d& place, double force_n, Index index, int axis) {
     constexpr double kStep_mm = 4, kBeyond_mm = 1000;
-    const Eigen::Vector2d way = Eigen::Vector2d::Unit(axis);
-    const Eigen::Vector2d low = response.inside(place - kBeyond_mm * way);
-    const Eigen::Vector2d high = response.inside(place + kBeyond_mm * way);
+    const Eigen::Vector2d step = Eigen::Vector2d::Unit(axis);
+    const Eigen::Vector2d low = response.inside(place - kBeyond_mm * step);
+    const Eigen::Vector2d high = response.inside(place + kBeyond_mm * step);
     // Near a border, the derivative beside it.
     Eigen::Vector2d middle = place;
     middle[axis] =
         std::clamp(place[axis], low[axis] + kStep_mm, std::max(low[axis], high[axis] - 2 * kStep_mm) + kStep_mm);
     const VectorXd bend =
-        (response.at(middle + kStep_mm * way) - 2 * response.at(middle) + response.at(middle - kStep_mm * way)) /
+        (response.at(middle + kStep_mm * step) - 2 * response.at(middle) + response.at(middle - kStep_mm * step)) /
         (kStep_mm * kStep_mm);
     const Index column = kEach * index + 3 + axis;
     M.col(column) = 0.5 * bend;
@@ -221,14 +221,14 @@ struct SpreadPushes {
 
 /// All but the spread. Near by, all contacts move together, to first order; far away, any place of the grid may do as
 /// well for this one.
-ContactUncertainty point_doubt(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice,
-                               Index index, const MatrixXd& near) {
+ContactUncertainty point_uncertainty(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice,
+                                     Index index, const MatrixXd& near) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> place(Eigen::Matrix2d(near.block<2, 2>(3 * index, 3 * index)));
   const double force_n = choice.force_n[index], sigma_n = std::sqrt(near(3 * index + 2, 3 * index + 2));
-  ContactUncertainty doubt;
-  doubt.position_95_mm = std::sqrt(kAsGood * place.eigenvalues()[1]);
-  doubt.lowest_force_n = std::max(0.0, force_n - 2 * sigma_n);
-  doubt.highest_force_n = force_n + 2 * sigma_n;
+  ContactUncertainty uncertainty;
+  uncertainty.position_95_mm = std::sqrt(kAsGood * place.eigenvalues()[1]);
+  uncertainty.lowest_force_n = std::max(0.0, force_n - 2 * sigma_n);
+  uncertainty.highest_force_n = force_n + 2 * sigma_n;
 
   const MatrixXd others = responses(response, without(choice.place_mm, index));
   const Unexplained here(response.at(choice.place_mm.col(index)), goal, others);
@@ -238,11 +238,11 @@ ContactUncertainty point_doubt(const PushResponse& response, const VectorXd& goa
   for (Index j = 0; j < distance_mm.size(); ++j) {
     if (there.square[j] == 0 || there.gain(j) < enough) continue;
     const double margin_n = 2 / std::sqrt(there.square[j]);
-    doubt.position_95_mm = std::max(doubt.position_95_mm, distance_mm[j]);
-    doubt.lowest_force_n = std::min(doubt.lowest_force_n, std::max(0.0, there.force(j) - margin_n));
-    doubt.highest_force_n = std::max(doubt.highest_force_n, there.force(j) + margin_n);
+    uncertainty.position_95_mm = std::max(uncertainty.position_95_mm, distance_mm[j]);
+    uncertainty.lowest_force_n = std::min(uncertainty.lowest_force_n, std::max(0.0, there.force(j) - margin_n));
+    uncertainty.highest_force_n = std::max(uncertainty.highest_force_n, there.force(j) + margin_n);
   }
-  return doubt;
+  return uncertainty;
 }
 
 }  // namespace
@@ -294,28 +294,28 @@ ContactChoice fewest_contacts(const PushResponse& response, const VectorXd& goal
 std::vector<ContactUncertainty> contact_uncertainties(const PushResponse& response, const VectorXd& goal,
                                                       const ContactChoice& choice) {
   constexpr double kSurely = 1.645;  // on one side
-  std::vector<ContactUncertainty> doubts;
-  if (choice.force_n.size() == 0) return doubts;
+  std::vector<ContactUncertainty> uncertainties;
+  if (choice.force_n.size() == 0) return uncertainties;
   const MatrixXd near = covariance(derivatives(response, choice));
   const SpreadPushes spread(response, choice);
   const MatrixXd wide = (MatrixXd(spread.M.transpose() * spread.M) + MatrixXd(spread.known.asDiagonal())).inverse();
   const VectorXd change =
       wide * (spread.M.transpose() * (goal - responses(response, choice.place_mm) * choice.force_n));
   for (Index i = 0; i < choice.force_n.size(); ++i) {
-    ContactUncertainty doubt = point_doubt(response, goal, choice, i, near);
+    ContactUncertainty uncertainty = point_uncertainty(response, goal, choice, i, near);
     const Index first = SpreadPushes::kEach * i;
     const double force_n = choice.force_n[i] + change[first + 2], sigma_n = std::sqrt(wide(first + 2, first + 2));
-    doubt.lowest_force_n = std::clamp(force_n - 2 * sigma_n, 0.0, doubt.lowest_force_n);
-    doubt.highest_force_n = std::max(doubt.highest_force_n, force_n + 2 * sigma_n);
+    uncertainty.lowest_force_n = std::clamp(force_n - 2 * sigma_n, 0.0, uncertainty.lowest_force_n);
+    uncertainty.highest_force_n = std::max(uncertainty.highest_force_n, force_n + 2 * sigma_n);
     double square_mm2 = 0;  // of the corner of an even pressure: three times its second moments
     for (Index k = first + 3; k < first + 5; ++k) {
       const double most = 1 / std::sqrt(spread.known[k]), moment = change[k] + kSurely * std::sqrt(wide(k, k));
       square_mm2 += 3 * std::clamp(moment, 0.0, most) / choice.force_n[i];
     }
-    doubt.extent_95_mm = change.segment<2>(first).norm() + std::sqrt(square_mm2);
-    doubts.push_back(doubt);
+    uncertainty.extent_95_mm = change.segment<2>(first).norm() + std::sqrt(square_mm2);
+    uncertainties.push_back(uncertainty);
   }
-  return doubts;
+  return uncertainties;
 }
 
 }  // namespace finsight::host

@@ -31,11 +31,11 @@ ContactChoice fewest_contacts(const PushResponse& response, const Eigen::VectorX
 /// As many pushes as `start` has or fewer, moved and weighed until they explain `goal` best.
 ContactChoice refined_contacts(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& start);
 
-/// What else a push of a choice could be, at 95 %.
+/// What else, at 95 %, could explain the measurement as well as a push of the choice.
 struct ContactUncertainty {
-  double position_95_mm = 0;  ///< if it is a push at a point: as well one this far away
-  double extent_95_mm = 0;    ///< if it is an even pressure (line, rectangle): parts of it this far away
-  double lowest_force_n = 0, highest_force_n = 0;  ///< whichever it is
+  double position_95_mm = 0;                       ///< a point push this far away
+  double extent_95_mm = 0;                         ///< an even pressure (line, rectangle) that reaches this far
+  double lowest_force_n = 0, highest_force_n = 0;  ///< under either
 };
 /// Of every push of a choice that explains `goal`.
 std::vector<ContactUncertainty> contact_uncertainties(const PushResponse& response, const Eigen::VectorXd& goal,

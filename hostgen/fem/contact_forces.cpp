@@ -205,12 +205,12 @@ ContactForces ContactForceSolver::gauss_newton(const PlatePoses& measured) {
   }
   result.misfit = 2 * result.curve.back().objective;
   result.explained = result.converged && noise_explains(result.misfit, measured);
-  const std::vector<ContactUncertainty> doubts = contact_uncertainties(p.response, aim, choice);
+  const std::vector<ContactUncertainty> uncertainties = contact_uncertainties(p.response, aim, choice);
   for (Index i = 0; i < choice.force_n.size(); ++i) {
     const FacePoint at = p.finger.at(choice.place_mm.col(i));
     result.contacts.push_back({{at.at_mm.cast<float>(), choice.force_n[i]},
                                p.finger.displacement(p.state, at).cast<float>(),
-                               doubts[static_cast<std::size_t>(i)]});
+                               uncertainties[static_cast<std::size_t>(i)]});
   }
   result.node_displacement_mm = node_displacement_mm();
   result.seconds = time.seconds();

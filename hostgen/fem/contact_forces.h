@@ -13,7 +13,7 @@ namespace finsight::host {
 
 struct Contact : FaceForce {
   Vec3f displacement_mm = Vec3f::Zero();  ///< of the point
-  ContactUncertainty doubt;               ///< what else it could be
+  ContactUncertainty uncertainty;         ///< what else it could be
 };
 
 struct ContactForces {
@@ -21,10 +21,10 @@ struct ContactForces {
   Eigen::VectorXd force_n;        ///< of every candidate point
   /// Sum of squares of the plate numbers' errors, each over its standard deviation in the spec: about 18 for noise.
   double misfit = 0;
-  /// The misfit is one that noise makes (99.9 %). Otherwise something else than pushes on the face moved the plates.
+  /// Noise alone explains the misfit (99.9 %). Otherwise something other than pushes on the face moved the plates.
   bool explained = false;
   bool converged = false;
-  double seconds = 0;  ///< processor time, with the doubt (Gauss-Newton)
+  double seconds = 0;  ///< processor time, with the uncertainty (Gauss-Newton)
   struct Progress {
     double seconds = 0;    ///< processor time since the start
     double objective = 0;  ///< half of the misfit
@@ -44,10 +44,10 @@ class ContactForceSolver {
 
   /// Gauss-Newton on displacements and forces at once, forces not negative, as few contacts as explain the plates. An
   /// iteration needs one factor of the tangent and 18 solves with it, whatever the number of candidates; it starts from
-  /// the mixture of prepared equilibria that moves the plates most like `measured`. Plates that are not seen do not
-  /// count.
+  /// the mixture of prepared equilibria that moves the plates most like `measured`. Plates that are not seen are
+  /// ignored.
   ContactForces gauss_newton(const PlatePoses& measured);
-  /// The paper's way: L-BFGS on the forces with the adjoint gradient, from rest; forces of either sign.
+  /// The paper's method: L-BFGS on the forces with the adjoint gradient, from rest; forces of either sign.
   ContactForces lbfgs(const PlatePoses& measured, int iterations);
 
   /// The equilibrium under given forces, from rest: what plates(), node_displacement_mm() and objective() are about

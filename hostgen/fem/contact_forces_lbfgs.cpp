@@ -1,4 +1,4 @@
-// The paper's way to contact forces (section 2.3): L-BFGS with the adjoint gradient. Letters: q forces of the
+// The paper's method for contact forces (section 2.3): L-BFGS with the adjoint gradient. Letters: q forces of the
 // candidates, B their unit loads (columns), K tangent, u displacements, y = A u - b the plates' errors.
 #include <LBFGS.h>
 
@@ -57,9 +57,9 @@ void solve_with_tangent(const ElasticBody& body, const ElasticState& state, Equi
       map(d) = map(z) + now / before * map(d);
     body.times_tangent(state.u, state.stress, d, Kd);
     std::fill_n(Kd.end() - 3, 3, 0.0);
-    const double way = now / map(d).dot(map(Kd));
-    map(x) += way * map(d);
-    map(b) -= way * map(Kd);
+    const double length = now / map(d).dot(map(Kd));
+    map(x) += length * map(d);
+    map(b) -= length * map(Kd);
     before = now;
   }
   b = std::move(x);

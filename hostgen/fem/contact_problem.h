@@ -1,4 +1,4 @@
-// What the ways of estimating contact forces share. Only contact_forces*.cpp include it.
+// What both methods of estimating contact forces share. Only contact_forces*.cpp include it.
 #pragma once
 
 #include <ctime>

@@ -91,7 +91,7 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
           check_same_plan(empty, paths[slot], file);
         } catch (const InputError& error) {
           throw InputError(resume.string(), std::string("is left from another run (") + error.what() +
-                                                "); delete the folder to start anew");
+                                                "); delete the folder to start over");
         }
       } else {
         // One solver per thread, started afresh for each path.

@@ -26,7 +26,8 @@ struct FemState {
   Vec3f contact_mm = Vec3f::Zero();  ///< and where it is now
   std::array<PlateMotion, kPlates> plates;
   float front_rms_mm = 0;  ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
-  Outcome outcome = Outcome::kEquilibrium;  ///< if it is none, higher forces of the path are not tried and carry it too
+  Outcome outcome =
+      Outcome::kEquilibrium;  ///< after a failure the path's higher forces are not tried and carry the same outcome
   bool valid() const { return outcome == Outcome::kEquilibrium; }
 };
 

@@ -39,7 +39,7 @@ class Equilibrium {
   /// The same for every column, in little more time than for one.
   using Columns = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   void apply_inverse(Columns& columns);
-  /// What all solves so far took.
+  /// The cost of all solves up to now.
   const EquilibriumCost& cost() const { return cost_; }
 
  private:

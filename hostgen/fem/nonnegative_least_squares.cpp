@@ -25,16 +25,16 @@ VectorXd nonnegative_least_squares(const MatrixXd& A, const VectorXd& b) {
     VectorXd best = solve();
     while (best.minCoeff() <= 0) {
       // Goes towards it as far as nothing turns negative; what reached zero is held there.
-      double way = 1;
+      double share = 1;
       for (std::size_t k = 0; k < passive.size(); ++k) {
         const double from = x[passive[k]], to = best[static_cast<Index>(k)];
-        if (to <= 0) way = std::min(way, from / (from - to));
+        if (to <= 0) share = std::min(share, from / (from - to));
       }
       std::vector<Index> still;
       for (std::size_t k = 0; k < passive.size(); ++k) {
         const double from = x[passive[k]], to = best[static_cast<Index>(k)];
-        const bool held = to <= 0 && from / (from - to) <= way;
-        x[passive[k]] = held ? 0 : from + way * (to - from);
+        const bool held = to <= 0 && from / (from - to) <= share;
+        x[passive[k]] = held ? 0 : from + share * (to - from);
         if (!held) still.push_back(passive[k]);
       }
       passive = std::move(still);

@@ -125,7 +125,7 @@ FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm) {
                    4 * L[0] * L[1],       4 * L[1] * L[2],       4 * L[2] * L[0]};
     if (mesh.element == Element::kC3D4) best.weight = {L[0], L[1], L[2], 0, 0, 0};
     best.at_mm = at;
-    // The face looks towards negative z, so the normal with positive z points into the finger.
+    // The face points towards negative z, so the normal with positive z points into the finger.
     best.inward = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
     if (best.inward.z() < 0) best.inward = -best.inward;
   }

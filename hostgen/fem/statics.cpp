@@ -12,7 +12,7 @@ constexpr double kLongestPush_mm = 20;
 constexpr std::size_t kHistory = 6;
 // A step that fails is halved, at most this often.
 constexpr int kHalvings = 7;
-// A finger that suddenly moves so many times further per newton than in its last step has jumped.
+// A finger whose compliance grows by this factor from one step to the next has jumped.
 constexpr double kJump = 8;
 
 double distance(const std::vector<double>& a, const std::vector<double>& b) {
@@ -68,7 +68,7 @@ struct FingerStatics::Solver {
 /// Sets `trial` to the polynomial through the history, at s.
 void FingerStatics::Solver::extrapolate(double s) {
   std::size_t first = 0;
-  // Far outside of what it passes through, a polynomial is worse than the last state.
+  // Far outside its sample points, the polynomial is a worse guess than the last state.
   if (std::abs(s - history.back().s) > 1.5 * std::abs(history.back().s - history.front().s)) first = history.size() - 1;
   std::fill(trial.u.begin(), trial.u.end(), 0.0);
   std::fill(trial.stress.begin(), trial.stress.end(), 0.0);
@@ -104,7 +104,7 @@ bool FingerStatics::Solver::walk(double from, double to, const std::vector<doubl
   double at = from, step = to - from;
   const double shortest = std::abs(step) / (1 << kHalvings);
   while (at != to) {
-    // A rest shorter than half a step goes along with this one.
+    // A remainder shorter than half a step is merged into this one.
     const double next = std::abs(to - at) < 1.5 * std::abs(step) ? to : at + step;
     if (step_to(next, base, direction)) {
       at = next;
@@ -113,7 +113,7 @@ bool FingerStatics::Solver::walk(double from, double to, const std::vector<doubl
     }
     step = 0.5 * (next - at);
     if (std::abs(step) < shortest) return false;
-    history.erase(history.begin(), history.end() - 1);  // the path is less smooth than its extrapolation believed
+    history.erase(history.begin(), history.end() - 1);  // the path is less smooth than the extrapolation assumed
   }
   return true;
 }

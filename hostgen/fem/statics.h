@@ -36,7 +36,7 @@ class FingerStatics {
   std::vector<double> node_displacement_mm() const;
   /// The same for all nodes of the quadratic mesh, mesh nodes first.
   std::vector<double> quadratic_displacement_mm() const;
-  /// What all loads so far took.
+  /// The cost of all loads up to now.
   EquilibriumCost cost() const;
 
  private:

@@ -1,5 +1,5 @@
-// Whether triangles close: first every triangle by itself, then every edge, every point, and the pieces. What is found
-// first is what a person has to mend first, because each question needs the answer to those before it.
+// Whether triangles form a closed surface: checks first every triangle, then every edge, every point, and the pieces.
+// Each check relies on those before it, so the first fault found is the first one to fix.
 #include <algorithm>
 #include <map>
 
@@ -141,7 +141,7 @@ void Check::orientation(const Edges& edges) const {
          "all facing outward, as their neighbours do");
 }
 
-/// Around a point, the triangles must be one fan: two cones that meet in their tips are no solid.
+/// Around a point, the triangles must be one fan: two cones that meet at their tips are not a solid.
 void Check::points() const {
   std::vector<std::map<int, int>> next(surface.point_mm.size());  // of the corners around a point
   for (const auto& corner : surface.triangle) {

@@ -27,7 +27,7 @@ Vector3d barycentric(const std::array<Vector3d, 3>& corner, double x, double y) 
 
 }  // namespace
 
-bool looks_to_front(const Vector3d& outward) { return -outward.z() > kFrontCosine * outward.norm(); }
+bool faces_front(const Vector3d& outward) { return -outward.z() > kFrontCosine * outward.norm(); }
 
 std::vector<std::size_t> front_patch(std::span<const Vector3d> points, std::span<const std::array<int, 3>> triangles,
                                      const Eigen::AlignedBox3d& box) {
@@ -39,7 +39,7 @@ std::vector<std::size_t> front_patch(std::span<const Vector3d> points, std::span
     const auto& [a, b, c] = triangles[t];
     const Vector3d outward = (points[b] - points[a]).cross(points[c] - points[a]);
     candidate[t] =
-        wide.contains(points[a]) && wide.contains(points[b]) && wide.contains(points[c]) && looks_to_front(outward);
+        wide.contains(points[a]) && wide.contains(points[b]) && wide.contains(points[c]) && faces_front(outward);
     if (!candidate[t]) continue;
     area[t] = -outward.z();
     for (const auto& [from, to] : {std::minmax(a, b), std::minmax(b, c), std::minmax(c, a)})

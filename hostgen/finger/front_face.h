@@ -10,7 +10,7 @@
 namespace finsight::host {
 
 /// A triangle looks to the front if its outward normal is within 60 degrees of -z.
-bool looks_to_front(const Eigen::Vector3d& outward);
+bool faces_front(const Eigen::Vector3d& outward);
 
 /// Of the triangles that lie in the box and look to the front, those that hang together over edges with the largest
 /// area seen along z: their indices, ascending. Empty if there are none.

@@ -24,7 +24,7 @@ namespace finsight::host {
 
 namespace {
 
-constexpr std::chrono::seconds kTetgenLimit{30};  // the fine mesh takes a second; with bad luck TetGen never ends
+constexpr std::chrono::seconds kTetgenLimit{30};  // the fine mesh takes a second; sometimes TetGen never ends
 constexpr double kOnPlaneMm = 1e-6;
 
 /// q: largest radius-edge ratio / smallest dihedral angle aimed at; a: largest volume, mm^3; A: regions; Q: quiet; T:
@@ -219,7 +219,7 @@ std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh) {
   for (const auto& [a, b, c] : boundary_triangles(mesh)) {
     if (!on_front(a) || !on_front(b) || !on_front(c)) continue;
     // Three nodes of a curved face's rim may also be a triangle of the side.
-    if (looks_to_front((at(mesh, b) - at(mesh, a)).cross(at(mesh, c) - at(mesh, a)))) triangles.push_back({a, b, c});
+    if (faces_front((at(mesh, b) - at(mesh, a)).cross(at(mesh, c) - at(mesh, a)))) triangles.push_back({a, b, c});
   }
   return triangles;
 }

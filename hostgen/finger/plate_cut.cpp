@@ -86,7 +86,7 @@ int Cutter::crossing(int a, int b) {
   return place->second;
 }
 
-/// The plate ends at a triangle that lies in the plane and looks beyond it.
+/// The plate ends at a triangle that lies in the plane and faces beyond it.
 void Cutter::take_off_surface_in_plane(const std::array<int, 3>& corner) {
   for (const int point : corner) {
     if (beyond_mm(point) != 0 || !in_box(surface_.point_mm[point])) return;
@@ -244,7 +244,7 @@ std::vector<std::size_t> plate_triangles(const TriangleSurface& surface, const P
         std::all_of(corner.begin(), corner.end(), [&](const Vector3d& at) { return plate.box_mm.contains(at); });
     const bool on_joined_face =
         std::all_of(corner.begin(), corner.end(), [&](const Vector3d& at) { return at[plate.axis] == plane_mm; });
-    // What lies in the joined face and looks into the box belongs to the finger that goes on there.
+    // What lies in the joined face and faces into the box belongs to the finger, which continues there.
     if (within && !(on_joined_face && plate.side * surface.twice_area(t)[plate.axis] < 0)) {
       result.push_back(t);
     } else if (reaches_into(surface, t, inner)) {

@@ -1,4 +1,4 @@
-// What markers and images need to know of a plate, wherever the finger's shape comes from.
+// What markers and images need to know about a plate, for parametric fingers and surfaces alike.
 #pragma once
 
 #include "hostgen/finger/spec.h"

@@ -21,7 +21,7 @@ namespace finsight::host {
 namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180;
-constexpr double kLargestMm = 1000;  // a finger, not a crane
+constexpr double kLargestMm = 1000;  // larger is not a finger
 
 std::array<double, 2> pair(TomlTable& table, const std::string& key, double lowest, double highest) {
   const std::vector<double> values = table.numbers(key, 2, lowest, highest);
@@ -122,7 +122,7 @@ void read_place(TomlTable& entry, FingerSpec& spec, int index, SurfaceSource* so
 
 void read_material(TomlTable table, FingerSpec& spec) {
   spec.youngs_modulus_mpa = table.number("youngs_modulus_mpa", 1e-3, 1e6);
-  spec.poisson_ratio = table.number("poisson_ratio", 0, 0.499);  // at 0.5 the volume cannot change at all
+  spec.poisson_ratio = table.number("poisson_ratio", 0, 0.499);  // 0.5 is incompressible
   spec.plate_stiffness_ratio = table.number("plate_stiffness_ratio", 1, 1e4);
   table.finish();
 }
@@ -157,7 +157,7 @@ void read_plates(TomlTable table, FingerSpec& spec, SurfaceSource* source) {
     plate.marker_id = static_cast<int>(entry.integer("marker_id", 0, 49));  // DICT_4X4_50 has 50 markers
     if (!ids.insert(plate.marker_id).second) {
       throw InputError(entry.where("marker_id"), "marker_id", std::to_string(plate.marker_id) + " twice",
-                       "a marker of its own on every plate");
+                       "a different marker on every plate");
     }
     plate.range = read_range(entry.table("range"));
     spec.noise[index] = read_noise(entry.table("noise"));
@@ -247,7 +247,7 @@ void place_markers(FingerSpec& spec) {
   for (int index = 0; index < kPlates; ++index) {
     PlateSpec& plate = spec.plates[index];
     plate.T_finger_marker.linear() << 1, 0, 0, 0, 0, -1, 0, 1, 0;
-    if (spec.surface) continue;  // its place was read
+    if (spec.surface) continue;  // its position was read from the spec
     const double y_mm = plate_bottom_mm(spec, index);
     const double front_mm = inner_front_mm(spec, y_mm);
     const double depth_mm = inner_back_mm(spec, y_mm) - front_mm;

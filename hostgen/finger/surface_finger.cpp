@@ -15,7 +15,7 @@ using Eigen::AlignedBox3d;
 
 const std::map<std::string, double> kUnits_mm = {{"mm", 1}, {"cm", 10}, {"m", 1000}, {"inch", 25.4}};
 constexpr double kSmallestMm = 20, kLargestMm = 1000;  // of a finger's largest side
-constexpr double kUsualMm = 500;                       // what a guess of the units aims at
+constexpr double kUsualMm = 500;                       // the size that guessed units should give
 // Each becomes several tetrahedra, and the board solves for all of them in every frame.
 constexpr std::size_t kMaxTriangles = 20'000;
 

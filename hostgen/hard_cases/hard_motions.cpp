@@ -45,7 +45,7 @@ HardMotion& HardMotion::go(const PlatePoses& to, int count) {
     const float t = static_cast<float>(k) / static_cast<float>(count);
     PlatePoses& poses = frames.emplace_back(to);
     for (std::size_t p = 0; p < kPlates && k < count; ++p) {
-      poses.plates[p] = on_the_way(from.plates[p], to.plates[p], t);
+      poses.plates[p] = lerp(from.plates[p], to.plates[p], t);
     }
   }
   return *this;

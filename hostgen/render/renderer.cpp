@@ -267,7 +267,7 @@ void Renderer::draw_row(const Face& face, const Box& box, int y) {
       tone_[i] = face.tone[touched[0]];
       continue;
     }
-    // An edge crosses the pixel. Within it, the way from pixel to face is as good as bilinear.
+    // An edge crosses the pixel. Within it, the map from pixel to face is nearly bilinear.
     const Eigen::Vector2f along_x = corners[1] - corners[0], along_y = corners[2] - corners[0];
     const Eigen::Vector2f along_both = corners[3] - corners[2] - along_x;
     const auto seen_at = [&](int axis) -> PixelSamples::Values {

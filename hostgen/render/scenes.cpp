@@ -51,7 +51,7 @@ std::array<PlateMotion, kPlates> SceneMaker::plates_at(double frame) const {
   const float t = static_cast<float>(at - static_cast<double>(k));
   std::array<PlateMotion, kPlates> plates;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    plates[p] = on_the_way(a.plates[p], b.plates[p], t);
+    plates[p] = lerp(a.plates[p], b.plates[p], t);
   }
   return plates;
 }

@@ -54,7 +54,7 @@ FemState state_of(const StateNumbers& numbers) {
   FemState state;
   state.point_mm = numbers.head<3>();
   state.contact_mm = numbers.segment<3>(3);
-  state.force_n = std::max(numbers[6], 0.0f);  // a spline may swing below zero by a hair
+  state.force_n = std::max(numbers[6], 0.0f);  // a spline may undershoot zero a little
   for (int plate = 0; plate < kPlates; ++plate) {
     state.plates[plate] = {numbers.segment<3>(7 + 6 * plate), numbers.segment<3>(10 + 6 * plate)};
   }
@@ -68,17 +68,17 @@ FemState untouched(const Vec3f& point_mm) {
   return state;
 }
 
-/// The equilibrium under the planned force, or under a weaker one that the finger can take.
+/// The equilibrium under the planned force, or under a weaker one that the finger can bear.
 FemState touched(FingerStatics& finger, const TetMesh& mesh, const Vec3f& point_mm, double force_n) {
   for (int attempt = 0; attempt < kWeakenings; ++attempt) {
     const bool found = finger.load(point_mm, force_n);
     const FemState state = finger.state();
     const double push_mm = (state.contact_mm - state.point_mm).norm();
     if (found && push_mm <= 1.01 * kLongestPushMm) break;
-    // In proportion to how much too far it went, so that the force changes smoothly from frame to frame.
+    // In proportion to the overshoot, so that the force changes smoothly from frame to frame.
     force_n *= found ? kLongestPushMm / push_mm : 0.9;
   }
-  // Without an equilibrium nearby the finger stays in the last one, which is reported as what it is.
+  // Without an equilibrium nearby the finger stays in the last one, whose own force is reported.
   FemState state = finger.state();
   state.front_rms_mm = static_cast<float>(front_rms_mm<double>(finger.node_displacement_mm(), mesh.front_nodes));
   return state;
@@ -186,7 +186,7 @@ std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mes
       const double time_s = static_cast<double>(key) * kKeyStep / frames_per_second;
       const Vec3f point_mm = plan.point_mm(time_s);
       const double force_n = plan.force_n(time_s);
-      // Untouched, the finger is at rest and forgets where it came from.
+      // Untouched, the finger is at rest whatever came before.
       const bool is_touched = force_n >= kLightestTouch_n;
       if (!is_touched) finger.reset();
       states[key] = is_touched ? touched(finger, mesh, point_mm, force_n) : untouched(point_mm);

@@ -75,7 +75,8 @@ bool points_within(const std::vector<FaceForce>& truth, const ContactForces& fou
   return std::all_of(truth.begin(), truth.end(), [&](const FaceForce& force) {
     return std::any_of(found.contacts.begin(), found.contacts.end(), [&](const Contact& contact) {
       const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
-      return distance_mm <= contact.doubt.position_95_mm || (or_extent && distance_mm <= contact.doubt.extent_95_mm);
+      return distance_mm <= contact.uncertainty.position_95_mm ||
+             (or_extent && distance_mm <= contact.uncertainty.extent_95_mm);
     });
   });
 }
@@ -88,8 +89,8 @@ double total_n(const std::vector<FaceForce>& forces) {
 bool force_within(double true_n, const ContactForces& found) {
   double lowest_n = 0, highest_n = 0;
   for (const Contact& contact : found.contacts) {
-    lowest_n += contact.doubt.lowest_force_n;
-    highest_n += contact.doubt.highest_force_n;
+    lowest_n += contact.uncertainty.lowest_force_n;
+    highest_n += contact.uncertainty.highest_force_n;
   }
   return lowest_n <= true_n && true_n <= highest_n;
 }
@@ -123,8 +124,8 @@ json draw_figures(const Case& touch, const std::vector<double>& truth_mm, const 
   double found_n = 0, position_95_mm = 0, extent_95_mm = 0;
   for (const Contact& contact : found.contacts) {
     found_n += contact.force_n;
-    position_95_mm = std::max(position_95_mm, contact.doubt.position_95_mm);
-    extent_95_mm = std::max(extent_95_mm, contact.doubt.extent_95_mm);
+    position_95_mm = std::max(position_95_mm, contact.uncertainty.position_95_mm);
+    extent_95_mm = std::max(extent_95_mm, contact.uncertainty.extent_95_mm);
   }
   return {{"gauss_newton_s", found.seconds},
           {"front_mm", mean_front_mm(mesh, found.node_displacement_mm, truth_mm)},

@@ -1,4 +1,5 @@
-// What every subcommand needs: progress on long work, all cores, files that are never left half-written, checksums.
+// What every subcommand needs: progress of long jobs, work on all cores, files that are never left half-written,
+// checksums.
 #pragma once
 
 #include <chrono>
@@ -21,7 +22,7 @@ struct Interrupted : std::runtime_error {
   Interrupted() : std::runtime_error("interrupted; nothing was left half-written") {}
 };
 
-/// One line on stderr that shows how far a long job is; silent for jobs under two seconds. Thread-safe.
+/// One line on stderr with the progress of a long job; silent for jobs under two seconds. Thread-safe.
 class Progress {
  public:
   Progress(std::string label, std::size_t total);

@@ -12,7 +12,7 @@ namespace finsight::host {
 
 Gnuplot::Gnuplot(const std::filesystem::path& svg)
     : target_(svg), temporary_(svg.string() + ".part" + std::to_string(getpid())), pipe_(popen("gnuplot", "w")) {
-  std::signal(SIGPIPE, SIG_IGN);  // its end is heard of in finish()
+  std::signal(SIGPIPE, SIG_IGN);  // finish() reports that gnuplot ended
   if (!pipe_) throw std::runtime_error("gnuplot cannot be started");
   line("set terminal svg size 900,520 dynamic background '#ffffff' font 'sans-serif,13'");
   std::string quoted = "'";

@@ -36,7 +36,7 @@ pid_t spawn(const std::vector<std::string>& command, const std::filesystem::path
   return child;
 }
 
-/// Waits for the end of the program; kills it after `limit` or on Ctrl-C. True if it ended by itself.
+/// Waits for the end of the program; kills it after `limit` or on Ctrl-C. True if it ended on its own.
 bool wait_or_kill(pid_t child, std::chrono::milliseconds limit, int& status) {
   const auto deadline = std::chrono::steady_clock::now() + limit;
   while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
@@ -70,7 +70,7 @@ void run_program(const std::vector<std::string>& command, const std::filesystem:
   if (interrupted()) throw Interrupted();
   const auto fail = [&](const std::string& what) {
     std::string log = read_file(folder / "log"), line;
-    if (log.size() > 500) log.erase(0, log.size() - 500);  // the reason stands at the end
+    if (log.size() > 500) log.erase(0, log.size() - 500);  // the reason is at the end
     for (const std::string& argument : command) line += argument + " ";
     throw std::runtime_error(line + what + (log.empty() ? "" : ":\n" + log));
   };

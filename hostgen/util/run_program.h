@@ -1,4 +1,4 @@
-// Other people's programs, run in a folder of their own with a time limit.
+// Runs external programs in a temporary folder with a time limit.
 #pragma once
 
 #include <chrono>
@@ -8,7 +8,7 @@
 
 namespace finsight::host {
 
-/// Deleted with all that is in it, also when an exception passes.
+/// Deleted with its contents, also when an exception is thrown.
 class TemporaryFolder {
  public:
   TemporaryFolder();

@@ -1,4 +1,4 @@
-// Figures about errors, the same everywhere.
+// Error statistics.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-// Draws what a camera sees of the calibration board: mean over the pixel's area, blur, noise. The way from pixels to
+// Draws what a camera sees of the calibration board: mean over the pixel's area, blur, noise. The map from pixels to
 // the board is exact at the pixels' corners and bilinear between them.
 #pragma once
 

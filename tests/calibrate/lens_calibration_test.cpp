@@ -199,7 +199,8 @@ TEST_CASE("lens calibration: coverage counts ninths of the image and tilts, and 
   folding.lens.k1 = -0.45;  // without the higher coefficients it turns back before the corners
   const Coverage folded = coverage_of(folding, views);
   CHECK(folded.no_lens.size() == 4);
-  CHECK(says(calibration_text(folding, folded), "not measured: upper left, upper right, lower left, lower right"));
+  CHECK(
+      says(calibration_text(folding, folded), "cannot be measured: upper left, upper right, lower left, lower right"));
 }
 
 TEST_CASE("lens calibration: a tilt is counted for the side that is nearer") {

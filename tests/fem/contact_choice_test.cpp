@@ -87,7 +87,7 @@ TEST_CASE("contact choice: pulls are never an explanation, and no push leaves th
   CHECK(beyond.place_mm.row(1).maxCoeff() <= 60);
 }
 
-TEST_CASE("contact doubt: it holds the truth 95 times in 100, and grows when the push is weak") {
+TEST_CASE("contact uncertainty: contains the truth 95 times in 100, and grows when the push is weak") {
   Strip strip;
   double mean_reach_mm[2] = {};
   for (const int weak : {0, 1}) {
@@ -97,11 +97,11 @@ TEST_CASE("contact doubt: it holds the truth 95 times in 100, and grows when the
       const VectorXd goal = strip.measured({{y, force_n}});
       const ContactChoice choice = fewest_contacts(strip.response, goal, {});
       if (choice.force_n.size() != 1) continue;
-      const ContactUncertainty doubt = contact_uncertainties(strip.response, goal, choice)[0];
+      const ContactUncertainty uncertainty = contact_uncertainties(strip.response, goal, choice)[0];
       ++found;
-      inside += (choice.place_mm.col(0) - Eigen::Vector2d(0, y)).norm() <= doubt.position_95_mm;
-      force_inside += doubt.lowest_force_n <= force_n && force_n <= doubt.highest_force_n;
-      mean_reach_mm[weak] += doubt.position_95_mm / 300;
+      inside += (choice.place_mm.col(0) - Eigen::Vector2d(0, y)).norm() <= uncertainty.position_95_mm;
+      force_inside += uncertainty.lowest_force_n <= force_n && force_n <= uncertainty.highest_force_n;
+      mean_reach_mm[weak] += uncertainty.position_95_mm / 300;
     }
     CHECK(found > 250);
     CHECK(inside >= 0.95 * found);
@@ -122,7 +122,7 @@ TEST_CASE("contact choice: two pushes near each other are told apart, although o
   CHECK(two >= 95);
 }
 
-TEST_CASE("contact doubt: the weaker the push, the wider the pressure that it cannot be told from") {
+TEST_CASE("contact uncertainty: a weaker push is compatible with a wider pressure") {
   Strip strip;
   VectorXd goal = 2 * strip.response.at(Eigen::Vector2d(0, 30));
   const auto extent_95_mm = [&] {
@@ -133,7 +133,7 @@ TEST_CASE("contact doubt: the weaker the push, the wider the pressure that it ca
   CHECK(extent_95_mm() > 1.5 * sharp_mm);
 }
 
-TEST_CASE("contact doubt: the spread of an even pressure is within it 95 times in 100, and so is its force") {
+TEST_CASE("contact uncertainty: the spread of an even pressure is within it 95 times in 100, and so is its force") {
   Strip strip;
   int inside = 0, force_inside = 0, found = 0;
   for (int round = 0; round < 300; ++round) {
@@ -142,10 +142,10 @@ TEST_CASE("contact doubt: the spread of an even pressure is within it 95 times i
     for (int i = 0; i < 9; ++i) goal += 1.0 / 9 * strip.response.at(Eigen::Vector2d(0, y + half_mm * (i - 4) / 4));
     const ContactChoice choice = fewest_contacts(strip.response, goal, {});
     if (choice.force_n.size() != 1) continue;
-    const ContactUncertainty doubt = contact_uncertainties(strip.response, goal, choice)[0];
+    const ContactUncertainty uncertainty = contact_uncertainties(strip.response, goal, choice)[0];
     ++found;
-    inside += std::abs(choice.place_mm(1, 0) - y) + half_mm <= doubt.extent_95_mm;
-    force_inside += doubt.lowest_force_n <= 1 && 1 <= doubt.highest_force_n;
+    inside += std::abs(choice.place_mm(1, 0) - y) + half_mm <= uncertainty.extent_95_mm;
+    force_inside += uncertainty.lowest_force_n <= 1 && 1 <= uncertainty.highest_force_n;
   }
   CHECK(found > 200);
   CHECK(inside >= 0.95 * found);

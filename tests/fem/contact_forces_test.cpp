@@ -104,7 +104,7 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: a finger at rest is not touched, a p
   CHECK_FALSE(pulled.explained);
 }
 
-TEST_CASE_FIXTURE(Fixture, "contact forces: one plate of three still finds the push, with more doubt") {
+TEST_CASE_FIXTURE(Fixture, "contact forces: one plate of three still finds the push, with more uncertainty") {
   const std::vector<FaceForce> push = {{{-3, 40, 0}, 0.3}};
   PlatePoses measured = plates_under(push);
   const ContactForces all = solver.gauss_newton(measured);
@@ -114,8 +114,8 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: one plate of three still finds the p
   REQUIRE(all.contacts.size() == 1);
   REQUIRE(one.contacts.size() == 1);
   CHECK(static_cast<double>((one.contacts[0].point_mm - push[0].point_mm).norm()) <=
-        one.contacts[0].doubt.position_95_mm);
-  CHECK(one.contacts[0].doubt.position_95_mm > all.contacts[0].doubt.position_95_mm);
+        one.contacts[0].uncertainty.position_95_mm);
+  CHECK(one.contacts[0].uncertainty.position_95_mm > all.contacts[0].uncertainty.position_95_mm);
 }
 
 TEST_CASE_FIXTURE(Fixture, "contact forces: a weak touch is found wherever it is") {
@@ -128,14 +128,14 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: a weak touch is found wherever it is
       CHECK(found.explained);
       REQUIRE(found.contacts.size() == 1);
       const Contact& contact = found.contacts[0];
-      CHECK(static_cast<double>((contact.point_mm - place).norm()) <= contact.doubt.position_95_mm);
-      CHECK(contact.doubt.lowest_force_n <= force_n);
-      CHECK(contact.doubt.highest_force_n >= force_n);
+      CHECK(static_cast<double>((contact.point_mm - place).norm()) <= contact.uncertainty.position_95_mm);
+      CHECK(contact.uncertainty.lowest_force_n <= force_n);
+      CHECK(contact.uncertainty.highest_force_n >= force_n);
     }
   }
 }
 
-TEST_CASE_FIXTURE(Fixture, "contact forces: a pressure is within the doubt of the push that it looks like") {
+TEST_CASE_FIXTURE(Fixture, "contact forces: a pressure is within the uncertainty of the push that it looks like") {
   std::vector<FaceForce> line;
   for (int i = 0; i < 7; ++i) line.push_back({{4, 30 + 2.0F * static_cast<float>(i), 0}, 0.04});
   const ContactForces found = solver.gauss_newton(plates_under(line));
@@ -144,7 +144,7 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: a pressure is within the doubt of th
     bool within = false;
     for (const Contact& contact : found.contacts) {
       const double distance_mm = static_cast<double>((contact.point_mm - force.point_mm).head<2>().norm());
-      within = within || distance_mm <= std::max(contact.doubt.position_95_mm, contact.doubt.extent_95_mm);
+      within = within || distance_mm <= std::max(contact.uncertainty.position_95_mm, contact.uncertainty.extent_95_mm);
     }
     CHECK(within);
   }

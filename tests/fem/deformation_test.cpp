@@ -54,7 +54,7 @@ TEST_CASE("deformation: the order of the states does not matter, and those that 
   CHECK(rise.worst_drop_mm == 0);
 }
 
-TEST_CASE("deformation: without force there is none, which is no fall") {
+TEST_CASE("deformation: zero without force, which does not count as a drop") {
   FemDataset dataset = states_of({{0, {0, 1, 2}}, {1, {0, 2, 2}}});
   for (FemState& state : dataset.states) state.force_n -= 1;
   CHECK(measure_deformation_rise(dataset, kFront).not_monotone == 1);

@@ -28,7 +28,7 @@ TEST_CASE("statics: a slender column bends as beam theory says") {
   CHECK(state.contact_mm.z() - state.point_mm.z() == doctest::Approx(theory_mm).epsilon(0.04));
 }
 
-TEST_CASE("statics: more force, more push; the way there does not matter") {
+TEST_CASE("statics: more force pushes further, and the state does not depend on the load path") {
   const FingerSpec spec = test::small_finger_spec();
   const TetMesh mesh = test::small_finger_mesh();
   FingerStatics stepwise(spec, mesh), direct(spec, mesh);

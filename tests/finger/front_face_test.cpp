@@ -35,7 +35,7 @@ TriangleSurface bulging() {
 
 }  // namespace
 
-TEST_CASE("front face: the whole bulging face is found, and none of the faces behind it") {
+TEST_CASE("front face: finds the whole bulging face and no face behind it") {
   const TriangleSurface surface = bulging();
   const auto front = patch(surface, kEverything);
   CHECK(front.size() == 4 * 3 * 2);
@@ -48,9 +48,9 @@ TEST_CASE("front face: the box decides how far it reaches, the slope what belong
   CHECK(area_mm2(surface, patch(surface, {Vector3d(-11, -1, -1), Vector3d(11, 20, 3)})) == doctest::Approx(20 * 20));
   CHECK(area_mm2(surface, patch(surface, {Vector3d(-11, -1, 5), Vector3d(11, 41, 8)})) == doctest::Approx(20 * 35));
   CHECK(patch(surface, {Vector3d(-11, -1, -9), Vector3d(11, 41, -5)}).empty());
-  CHECK(looks_to_front({0, 0.8, -0.6}));
-  CHECK_FALSE(looks_to_front({0, 0.9, -0.4}));
-  CHECK_FALSE(looks_to_front({0, 0, 1}));
+  CHECK(faces_front({0, 0.8, -0.6}));
+  CHECK_FALSE(faces_front({0, 0.9, -0.4}));
+  CHECK_FALSE(faces_front({0, 0, 1}));
 }
 
 TEST_CASE("front face: the nearest point of a triangle is the point itself, or on its nearest edge or corner") {

@@ -194,7 +194,7 @@ TEST_CASE("mesh: node sets are the touched face, the base and the plates") {
   }
 }
 
-TEST_CASE("mesh: the front triangles tile the touched face and look outward") {
+TEST_CASE("mesh: the front triangles tile the touched face and point outward") {
   const FingerSpec& spec = srm();
   double area = 0;
   const Vector3d inward = Vector3d(0, -spec.front_z.slope, 1).normalized();

@@ -142,7 +142,7 @@ TEST_CASE("spec: numbers that cannot be a finger are refused with the reason") {
       {"size_mm = 8 ", "size_mm = 12 ", "white border"},
       {"size_mm = 8 ", "size_mm = 0 ", "size_mm"},
       {"DICT_4X4_50", "DICT_6X6_250", "dictionary"},
-      {"marker_id = 1", "marker_id = 0", "a marker of its own"},
+      {"marker_id = 1", "marker_id = 0", "a different marker"},
       {"marker_id = 1", "marker_id = 50", "marker_id"},
       {"poisson_ratio = 0.47", "poisson_ratio = 0.5", "poisson_ratio"},
       {"youngs_modulus_mpa = 10", "youngs_modulus_mpa = 0", "youngs_modulus_mpa"},

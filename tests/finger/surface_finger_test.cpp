@@ -231,7 +231,7 @@ TEST_CASE("surface finger: wrong units are told from the size, with what they ma
         std::string::npos);
 }
 
-TEST_CASE("surface finger: a file with other axes and another origin is the same finger; a mirrored one is none") {
+TEST_CASE("surface finger: a file with other axes and another origin is the same finger; a mirrored one is refused") {
   TriangleSurface standing = srm_surface();  // along z, its back towards -y
   for (Vector3d& at : standing.point_mm) at = Vector3d(at.x(), -at.z(), at.y()) + Vector3d(500, -30, 7);
   const auto with_axes = [](const std::string& axes) {

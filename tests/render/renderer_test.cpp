@@ -260,7 +260,7 @@ TEST_CASE("renderer: plates that cannot be seen leave the background as it is") 
     renderer.render(plates, grey);
     CHECK(grey == empty);
   }
-  // A plate that passes through the camera is drawn without harm, whatever it looks like.
+  // A plate that passes through the camera must be drawn without a crash; what it looks like does not matter.
   for (float y = -70; y < -40; y += 0.5f) {
     Plates plates = away;
     plates[kLowPlate] = {Vec3f(12, y, 1), Vec3f(0.6f, 0.3f, 0.1f)};

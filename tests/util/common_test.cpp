@@ -44,7 +44,7 @@ TEST_CASE("common: files are written whole, with their folders, and replace olde
   CHECK(std::distance(std::filesystem::directory_iterator(folder / "a/b"), {}) == 1);
 }
 
-TEST_CASE("common: a file that cannot be written leaves the old one and no rest") {
+TEST_CASE("common: a failed write keeps the old file and leaves no temporary one") {
   const ScratchFolder folder;
   std::filesystem::create_directory(folder / "taken");
   folder.write("taken/inside", "kept");
@@ -55,7 +55,7 @@ TEST_CASE("common: a file that cannot be written leaves the old one and no rest"
   CHECK_THROWS_AS(host::write_file_atomically(folder / "file/below", std::string("x")), std::system_error);
 }
 
-TEST_CASE("common: whether a file can be written is known before the work, and nothing stays of the question") {
+TEST_CASE("common: check_writable tells before the work whether a file can be written, and leaves nothing behind") {
   const ScratchFolder folder;
   host::check_writable(folder / "new" / "pack");
   CHECK(std::filesystem::is_empty(folder / "new"));

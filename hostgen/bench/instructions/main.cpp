@@ -12,7 +12,7 @@ namespace {
 
 using namespace finsight;
 
-/// Of NewtonSolver<float>::take_step: its parts, each as a function of its own that can be told apart.
+/// The parts of NewtonSolver<float>::take_step, each as a separate function, so that their counts can be told apart.
 struct Work {
   explicit Work(const Model& model)
       : cholesky(model.shape.cholesky),
