@@ -42,8 +42,8 @@ class Progress {
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& work);
 
 using finsight::write_file_atomically;
-/// Before long work: that a file can be written there, its folders too, and that it is none of those in `used`, however
-/// it is spelt or linked. Throws std::exception if not.
+/// Before long work: that a file can be written there, its folders too, and that it is not one of those in `used`,
+/// however it is spelt or linked. Throws std::exception if not.
 void check_writable(const std::filesystem::path& file, const std::vector<std::filesystem::path>& used = {});
 /// Throws InputError if the file cannot be read.
 std::string read_file(const std::filesystem::path& file);

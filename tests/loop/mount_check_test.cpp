@@ -39,7 +39,7 @@ TEST_CASE("mount check: notices a knocked camera once it stands still, and clear
   Random random(1);
   MountCheck check;
   CHECK_FALSE(after(check, 400, kNothing, kNothing, random));
-  // What is at first taken for a brief movement, and then all of it anew.
+  // The frames that count as a brief movement at first, and then all frames of standing still.
   const int frames = MountCheck::kBrief - 1 + MountCheck::kFrames;
   CHECK_FALSE(after(check, frames - 1, {2, 0.5, -1}, {0.01, 0, -0.03}, random));
   CHECK(after(check, 1, {2, 0.5, -1}, {0.01, 0, -0.03}, random));
@@ -76,7 +76,7 @@ TEST_CASE("mount check: notices a slow drift, too") {
   CHECK(moved);
 }
 
-TEST_CASE("mount check: a touch that is held for long is none, nor is a plate that is not seen") {
+TEST_CASE("mount check: a long touch does not count as knocked, nor does a plate that is not seen") {
   Random random(3);
   const TestPrior prior;
   MountCheck check;

@@ -18,7 +18,7 @@ PlatePoses top_at(float z_mm) {
 
 }  // namespace
 
-TEST_CASE("shake: a touch that comes fast and steadily is none, a swing is as large as its second difference") {
+TEST_CASE("shake: a touch that comes fast and steadily does not count, a swing is as large as its second difference") {
   Shake shake;
   std::uint32_t frame = 1000;
   for (int i = 0; i < 20; ++i) CHECK(shake.update(top_at(0.7F * static_cast<float>(i)), frame++) == 0);

@@ -160,7 +160,7 @@ TEST_CASE("shape stage: measures its displacements") {
   CHECK(static_cast<double>(shape.front_rms_mm) == doctest::Approx(std::sqrt(front / front_nodes)).epsilon(1e-5));
 }
 
-TEST_CASE("shape stage: every answer is fresh, whenever its poses were measured; without poses there is none") {
+TEST_CASE("shape stage: every answer is fresh, whenever its poses were measured; without poses it is invalid") {
   ShapeStage stage = stage_of(Tier::kNewton);
   CHECK(stage.solve(PlatePoses{}).quality == Quality::kInvalid);
   PlatePoses poses = slope(1);
@@ -266,7 +266,7 @@ TEST_CASE("shape stage: a map that turns elements inside out never goes out, in 
   }
 }
 
-TEST_CASE("shape stage: before the first shape there is none to hold") {
+TEST_CASE("shape stage: before the first shape an answer is invalid") {
   for (const Tier tier : {Tier::kMap, Tier::kContact, Tier::kNewton}) {
     ShapeStage stage = stage_of(tier);
     PlatePoses bad = slope(2);
@@ -325,7 +325,7 @@ TEST_CASE("shape stage: the contact tier's shape has the contact map's dimple, a
   }
 }
 
-TEST_CASE("shape stage: beyond the contact map's training, and where its shape is none, the shape map answers") {
+TEST_CASE("shape stage: beyond the contact map's training, and where its shape is unusable, the shape map answers") {
   ShapeStage contact = stage_of(Tier::kContact), map = stage_of(Tier::kMap);
   const PlatePoses near = slope(4), far = slope(8);
   REQUIRE(near.plates[kTopPlate].displacement_mm.norm() < 5);
