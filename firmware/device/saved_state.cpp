@@ -13,8 +13,10 @@ namespace finsight {
 
 namespace {
 
-// Of the file; a new one when its keys change. Version 1 did not say what the zero was measured with.
-constexpr int kVersion = 2, kVersionWithoutBasis = 1;
+// Of the file; a new one when its keys change. Version 1 did not say what the zero was measured with; up to version 2
+// there were fewer settings.
+constexpr int kVersion = 3, kVersionWithoutBasis = 1, kVersionOfFewerSettings = 2;
+constexpr int kLastOfFewerSettings = kTriggerCommand;
 
 void add_numbers(std::string& text, const PlateMotion& motion) {
   for (int i = 0; i < 6; ++i) {
@@ -44,9 +46,11 @@ std::string text_of(const SavedState& state, const ZeroBasis& basis) {
   return text + measured_mount_toml(basis.mount, "zero.mount.");
 }
 
-RuntimeSettings read_settings_table(TomlTable table) {
+/// Those that the file's version did not have yet get their factory values.
+RuntimeSettings read_settings_table(TomlTable table, std::int64_t version) {
   RuntimeSettings settings;
   for (int i = 0; i < kSettingCount; ++i) {
+    if (version <= kVersionOfFewerSettings && i > kLastOfFewerSettings) break;
     const RegisterRow& row = setting_row(i);
     settings.words[static_cast<std::size_t>(i)] =
         static_cast<std::uint16_t>(table.integer(row.name, row.lowest, row.highest));
@@ -98,7 +102,7 @@ std::optional<LoadedState> load_state(const std::filesystem::path& file, const Z
   if (!std::filesystem::exists(file)) return std::nullopt;
   TomlTable root = TomlTable::parse_file(file);
   const auto version = root.integer("version", kVersionWithoutBasis, kVersion);
-  LoadedState loaded{{read_settings_table(root.table("settings")), std::nullopt}, ""};
+  LoadedState loaded{{read_settings_table(root.table("settings"), version), std::nullopt}, ""};
   const auto zero = read_zero(root.table("zero"), version != kVersionWithoutBasis);
   root.finish();
   if (!zero || !basis) return loaded;

@@ -4,6 +4,7 @@
 // Descriptions and notes are prose; no program depends on them.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -13,14 +14,17 @@
 
 namespace finsight {
 
-enum class RegisterType : std::uint8_t { kUint16, kInt16, kUint32, kFloat32 };
+/// kText32: up to 32 ASCII characters, two in a register, the first in the high byte; zeros behind the text.
+enum class RegisterType : std::uint8_t { kUint16, kInt16, kUint32, kFloat32, kText32 };
 
 constexpr int words_of(RegisterType type) {
+  if (type == RegisterType::kText32) return 16;
   return type == RegisterType::kUint32 || type == RegisterType::kFloat32 ? 2 : 1;
 }
 
-/// How a register is to be understood. Only of a number do neighbouring values mean nearly the same.
-enum class RegisterKind : std::uint8_t { kNumber, kCode, kBits, kReserved };
+/// How a register is to be understood. Only of a number do neighbouring values mean nearly the same. A client is an
+/// IPv4 address (192.168.0.7 is 16#C0A80007); 0 is nobody, 1 the serial line.
+enum class RegisterKind : std::uint8_t { kNumber, kCode, kBits, kReserved, kClient, kText };
 
 /// One code of a register, or one bit (then `value` is its number, 0 being the lowest).
 struct NamedValue {
@@ -81,6 +85,17 @@ constexpr RegisterRow code(int address, const char* name, std::span<const NamedV
   row.unit = "code";
   return row;
 }
+constexpr RegisterRow client(int address, const char* name, const char* description) {
+  RegisterRow row = count(address, name, RegisterType::kUint32, description);
+  row.kind = RegisterKind::kClient;
+  row.unit = "ipv4";
+  return row;
+}
+constexpr RegisterRow text(int address, const char* name, const char* description) {
+  RegisterRow row = count(address, name, RegisterType::kText32, description);
+  row.kind = RegisterKind::kText;
+  return row;
+}
 constexpr RegisterRow reserved(int address, const char* name) {
   return {address, name, RegisterType::kUint16, RegisterKind::kReserved, 1, "", "reserved, 0"};
 }
@@ -125,12 +140,13 @@ inline constexpr NamedValue kFaults[] = {
     {5, "settings_or_model_refused", "safe mode"},
     {6, "failed_repeatedly", "safe mode"},
     {7, "saved_settings_refused", "or the saved zero; factory values are in use; cleared by command 3"},
-    {8, "stalled", "no new result; all values are old"},
+    {8, "stalled", "no new result; no value is valid, or the last ones stay as held ones where setting 1017 says so"},
     {9, "camera_frozen", "repeats the same image"},
     {10, "image_too_dark"},
     {11, "image_too_bright"},
     {12, "image_out_of_focus"},
     {13, "camera_moved", "relative to the finger; correct its mount, then zero"},
+    {14, "master_lost", "register 1006 was not written within setting 1022; ends when it is written"},
 };
 
 inline constexpr NamedValue kShapeSources[] = {
@@ -164,6 +180,10 @@ inline constexpr NamedValue kResults[] = {
     {3, "failed", "disk error"},
 };
 
+inline constexpr NamedValue kHistoryResults[] = {
+    {0, "done"}, {1, "not_possible"}, {2, "not_configured"}, {3, "failed"}, {4, "running", "or about to"},
+};
+
 inline constexpr NamedValue kRecordingStates[] = {
     {0, "idle"},
     {1, "recording"},
@@ -185,7 +205,7 @@ inline constexpr NamedValue kSwitch[] = {
     {1, "on"},
 };
 
-inline constexpr std::uint16_t kMapVersion = 2;
+inline constexpr std::uint16_t kMapVersion = 3;
 inline constexpr std::uint16_t kTestConstant = 0x1234;
 inline constexpr std::uint32_t kLongTestConstant = 0x12345678;
 
@@ -238,16 +258,16 @@ inline constexpr RegisterRow kMeasurements[] = {
 };
 
 inline constexpr RegisterRow kControl[] = {
-    row::writable_code(row::code(1000, "command", kCommands, "starts when a new number is written to register 1001")),
-    row::writable(row::count(1001, "command_sequence", kUint16, "a number other than that in register 1002 starts the command; writing the same number again does nothing"), 0, 65535),
+    row::writable_code(row::code(1000, "command", kCommands, "only together with register 1001, in one write")),
+    row::writable(row::count(1001, "command_sequence", kUint16, "number of the command, not used before; the same command with the same number again does nothing"), 1, 65535),
     row::count(1002, "result_sequence", kUint16, "number of the last finished command; 0 after a start"),
     row::code(1003, "result", kResults, "of that command"),
-    row::writable(row::number(1004, "write_key", kUint16, 1, "s", "writing the device's key unlocks this client's writes for 30 s; reads as the seconds left"), 0, 65535),
+    row::writable(row::number(1004, "write_key", kUint16, 1, "s", "writing the device's key unlocks this client's writes for 30 s, and each of them for another 30 s; reads as the seconds left"), 0, 65535),
     row::code(1005, "recording", kRecordingStates, ""),
-    row::reserved(1006, "reserved_1006"),
+    row::writable(row::count(1006, "master_refresh", kUint16, "the master writes any value here at least every master_timeout (1022)"), 0, 65535),
     row::reserved(1007, "reserved_1007"),
     row::reserved(1008, "reserved_1008"),
-    row::reserved(1009, "reserved_1009"),
+    row::writable_code(row::code(1009, "exclusive", kSwitch, "on: until this client writes off or its unlock ends, other clients' writes are refused as busy; 1206 is who")),
     row::writable(row::number(1010, "contact_on", kUint16, 0.01, "N", "contact is set at this force; must exceed contact_off"), 1, 10000, 20),
     row::writable(row::number(1011, "contact_off", kUint16, 0.01, "N", "contact is cleared below this force"), 0, 9999, 10),
     row::writable(row::number(1012, "gentle_on", kUint16, 1, "permille", "gentle is set at this deformation level; must exceed gentle_off"), 1, 5000, 200),
@@ -260,25 +280,85 @@ inline constexpr RegisterRow kControl[] = {
     row::writable_code(row::code(1019, "word_order", kWordOrders, "of 32-bit registers")),
     row::writable_code(row::code(1020, "light", kSwitch, "the finger's light"), 1),
     row::writable_code(row::code(1021, "trigger_command", std::span(kCommands).first(6), "started by a rising edge of the trigger input")),
+    row::writable(row::number(1022, "master_timeout", kUint16, 1, "ms", "fault 14 when register 1006 is not written for so long; 0: never"), 0, 60000, 0),
 };
+
+// The newest command is first, also while it runs.
+#define FINSIGHT_HISTORY(n, address) \
+  row::count(address, "history_" #n "_sequence", kUint16, "number of a command, the newest first; 0: none"), \
+  row::code(address + 1, "history_" #n "_command", kCommands, ""), \
+  row::code(address + 2, "history_" #n "_result", kHistoryResults, ""), \
+  row::client(address + 3, "history_" #n "_client", "that gave it")
+inline constexpr RegisterRow kHistory[] = {
+    row::count(1200, "commands_given", kUint16, "since the start; wraps around"),
+    row::count(1201, "own_sequence", kUint16, "number of the last command of the client that reads this: of its connection, or else of its address; 0: none"),
+    row::code(1202, "own_command", kCommands, ""),
+    row::code(1203, "own_result", kHistoryResults, ""),
+    row::client(1204, "result_client", "that gave the command of register 1002"),
+    row::client(1206, "exclusive_client", "that alone may write (register 1009)"),
+    row::reserved(1208, "reserved_1208"),
+    row::reserved(1209, "reserved_1209"),
+    FINSIGHT_HISTORY(1, 1210), FINSIGHT_HISTORY(2, 1215), FINSIGHT_HISTORY(3, 1220), FINSIGHT_HISTORY(4, 1225),
+    FINSIGHT_HISTORY(5, 1230), FINSIGHT_HISTORY(6, 1235), FINSIGHT_HISTORY(7, 1240), FINSIGHT_HISTORY(8, 1245),
+};
+#undef FINSIGHT_HISTORY
+
+#define FINSIGHT_FAULT(n, address) \
+  row::code(address, "fault_" #n "_code", kFaults, "a fault since the start, the newest first"), \
+  row::number(address + 1, "fault_" #n "_began", kUint32, 1, "s", "uptime when it began"), \
+  row::measured(address + 3, "fault_" #n "_lasted", kUint16, 1, "s", "how long it stood", "it still stands")
+inline constexpr RegisterRow kDiagnostics[] = {
+    row::number(3000, "uptime", kUint32, 1, "s", "since the firmware started"),
+    row::count(3002, "connections", kUint16, "open now"),
+    row::count(3003, "connections_accepted", kUint32, "since the start, like all counters here"),
+    row::count(3005, "connections_refused", kUint32, "no place was free, or the address is not allowed"),
+    row::count(3007, "connections_replaced", kUint32, "closed in favour of a newcomer"),
+    row::count(3009, "requests", kUint32, "answered, on all lines"),
+    row::count(3011, "exceptions_function", kUint32, "exception 1"),
+    row::count(3013, "exceptions_address", kUint32, "exception 2"),
+    row::count(3015, "exceptions_value", kUint32, "exception 3"),
+    row::count(3017, "exceptions_locked", kUint32, "exception 4"),
+    row::count(3019, "exceptions_busy", kUint32, "exception 6"),
+    row::count(3021, "wrong_keys", kUint32, "written to register 1004"),
+    row::client(3023, "wrong_key_client", "that wrote the last one"),
+    row::measured(3025, "frame_rate", kUint16, 0.01, "Hz", "processed frames, over the last second", "not known yet"),
+    row::count(3026, "frames_processed", kUint32, ""),
+    row::count(3028, "frames_dropped", kUint32, "register 34 without its limit"),
+    row::measured(3030, "processor_temperature", kInt16, 0.1, "degC", "", "not known"),
+    row::measured(3031, "loop_load", kUint16, 1, "permille", "share of the frame time that the frame loop works, over the last second", "not known yet"),
+    row::number(3032, "loop_longest", kUint16, 0.1, "ms", "longest frame since the start"),
+    row::count(3033, "camera_losses", kUint16, "times that the camera was lost"),
+    row::count(3034, "calibration_date", kUint32, "when lens or mount of this device were last measured, as 20261122; 0: not known"),
+    row::count(3036, "pack_checksum", kUint32, "as register 36"),
+    row::text(3038, "model_name", "the finger's name in its model pack"),
+    row::text(3054, "serial_number", "from the board file, or else the board's own"),
+    row::text(3070, "firmware_version", ""),
+    row::count(3086, "faults_counted", kUint16, "wraps around"),
+    FINSIGHT_FAULT(1, 3087), FINSIGHT_FAULT(2, 3091), FINSIGHT_FAULT(3, 3095), FINSIGHT_FAULT(4, 3099),
+    FINSIGHT_FAULT(5, 3103), FINSIGHT_FAULT(6, 3107), FINSIGHT_FAULT(7, 3111), FINSIGHT_FAULT(8, 3115),
+};
+#undef FINSIGHT_FAULT
 // clang-format on
 
 }  // namespace table
 
-/// The whole table: measurements, and behind them commands and settings.
+/// The whole table: the measurements, and behind them what is read and written under Control's lock.
 struct RegisterTable {
-  std::span<const RegisterRow> measurements, control;
+  std::span<const RegisterRow> measurements, control, history, diagnostics;
+  constexpr std::array<std::span<const RegisterRow>, 4> blocks() const {
+    return {measurements, control, history, diagnostics};
+  }
 };
-inline constexpr RegisterTable kRegisterTable = {table::kMeasurements, table::kControl};
+inline constexpr RegisterTable kRegisterTable = {table::kMeasurements, table::kControl, table::kHistory,
+                                                 table::kDiagnostics};
 
 // Look-ups by name at compile time: a name that is not in the table does not compile.
 
 consteval const RegisterRow& row_named(std::string_view name) {
-  for (const RegisterRow& row : kRegisterTable.measurements) {
-    if (row.name == name) return row;
-  }
-  for (const RegisterRow& row : kRegisterTable.control) {
-    if (row.name == name) return row;
+  for (const std::span<const RegisterRow> block : kRegisterTable.blocks()) {
+    for (const RegisterRow& row : block) {
+      if (row.name == name) return row;
+    }
   }
   throw "no register of that name";
 }
@@ -307,6 +387,8 @@ enum ControlRegister : int {
   kResultRegister = address_of("result"),
   kKeyRegister = address_of("write_key"),
   kRecordingRegister = address_of("recording"),
+  kRefreshRegister = address_of("master_refresh"),
+  kExclusiveRegister = address_of("exclusive"),
   kFirstSettingRegister = address_of("contact_on"),
 };
 
@@ -328,8 +410,20 @@ enum Setting : std::uint8_t {
   kWordOrder = setting_named("word_order"),
   kLight = setting_named("light"),
   kTriggerCommand = setting_named("trigger_command"),
+  kMasterTimeout = setting_named("master_timeout"),
   kSettingCount = kControlAddress + kControlRegisters - kFirstSettingRegister
 };
+
+/// Blocks beside measurements and control: where each begins and how many registers it has.
+constexpr int words_in(std::span<const RegisterRow> block) {
+  return block.back().address + words_of(block.back().type) - block.front().address;
+}
+inline constexpr int kHistoryAddress = address_of("commands_given");
+inline constexpr int kHistoryRegisters = words_in(kRegisterTable.history);
+inline constexpr int kHistoryEntries = 8;
+inline constexpr int kDiagnosticsAddress = address_of("uptime");
+inline constexpr int kDiagnosticsRegisters = words_in(kRegisterTable.diagnostics);
+inline constexpr int kFaultEntries = 8;
 
 /// The row of commands and settings at this address. All of them are single words, so the index follows from it.
 constexpr const RegisterRow& control_row(int address) {
@@ -359,5 +453,9 @@ consteval bool is_well_formed(std::span<const RegisterRow> rows, int first, int 
 }
 static_assert(is_well_formed(kRegisterTable.measurements, 0, kMeasurementRegisters));
 static_assert(is_well_formed(kRegisterTable.control, kControlAddress, kControlAddress + kControlRegisters));
+static_assert(is_well_formed(kRegisterTable.history, kHistoryAddress, kHistoryAddress + kHistoryRegisters));
+static_assert(is_well_formed(kRegisterTable.diagnostics, kDiagnosticsAddress,
+                             kDiagnosticsAddress + kDiagnosticsRegisters));
+static_assert(kDiagnosticsRegisters <= 125);  // one read shows them all
 
 }  // namespace finsight

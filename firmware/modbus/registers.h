@@ -44,6 +44,7 @@ enum class FaultCode : std::uint16_t {
   kTooBright = value_named("fault", "image_too_bright"),
   kBlurred = value_named("fault", "image_out_of_focus"),
   kCameraMoved = value_named("fault", "camera_moved"),
+  kMasterLost = value_named("fault", "master_lost"),
 };
 
 /// The settings that clients can change while the device runs, as their registers hold them.

@@ -37,10 +37,16 @@ bool is_in_control(int address, int quantity) {
   return address >= kControlAddress && address + quantity <= kControlAddress + kControlRegisters;
 }
 
+bool is_in(int block, int registers, int address, int quantity) {
+  return address >= block && address + quantity <= block + registers;
+}
+
 /// Sections 6.3 and 6.4: the quantity is checked before the address.
 Exception check_read(int address, int quantity) {
   if (quantity < 1 || quantity > kMaxRegistersPerRead) return Exception::kIllegalValue;
-  const bool exists = address + quantity <= kMeasurementRegisters || is_in_control(address, quantity);
+  const bool exists = address + quantity <= kMeasurementRegisters || is_in_control(address, quantity) ||
+                      is_in(kHistoryAddress, kHistoryRegisters, address, quantity) ||
+                      is_in(kDiagnosticsAddress, kDiagnosticsRegisters, address, quantity);
   return exists ? Exception::kNone : Exception::kIllegalAddress;
 }
 
@@ -51,6 +57,8 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
   const std::span<std::uint16_t> words(buffer.data(), static_cast<std::size_t>(quantity));
   if (address < kMeasurementRegisters) {
     std::copy_n(device.image.words.begin() + address, quantity, words.begin());
+  } else if (!is_in_control(address, quantity)) {
+    std::ranges::fill(words, 0);  // history and diagnostics, in the next commits
   } else {
     device.control.read(address, words, access, device.now_ns);
   }

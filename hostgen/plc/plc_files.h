@@ -9,9 +9,11 @@
 
 namespace finsight::host {
 
-/// Markdown tables: the measurements; commands and settings.
+/// Markdown tables: the measurements; commands and settings; the history of commands; diagnostics.
 std::string measurements_markdown(const RegisterTable& table = kRegisterTable);
 std::string control_markdown(const RegisterTable& table = kRegisterTable);
+std::string history_markdown(const RegisterTable& table = kRegisterTable);
+std::string diagnostics_markdown(const RegisterTable& table = kRegisterTable);
 
 /// Comma-separated values (RFC 4180, ASCII), for import into a PLC's programming tool. Column `invalid` holds the value
 /// that means "not valid", column `values` bits and codes as "0=ready;1=touch_valid".

@@ -48,17 +48,25 @@ std::string python_row(const RegisterRow& row) {
 
 }  // namespace
 
-std::string measurements_markdown(const RegisterTable& table) {
+namespace {
+
+std::string block_markdown(std::span<const RegisterRow> block) {
   std::ostringstream text;
   text << "| address | name | type | scale | unit | |\n|---|---|---|---|---|---|\n";
-  for (const RegisterRow& row : table.measurements) {
+  for (const RegisterRow& row : block) {
     text << "| " << row.address;
-    if (words_of(row.type) == 2) text << "-" << row.address + 1;
+    if (words_of(row.type) > 1) text << "-" << row.address + words_of(row.type) - 1;
     text << " | `" << row.name << "` | " << name_of(row.type) << " | " << row.scale << " | " << row.unit << " | "
          << full_description(row) << " |\n";
   }
   return text.str();
 }
+
+}  // namespace
+
+std::string measurements_markdown(const RegisterTable& table) { return block_markdown(table.measurements); }
+std::string history_markdown(const RegisterTable& table) { return block_markdown(table.history); }
+std::string diagnostics_markdown(const RegisterTable& table) { return block_markdown(table.diagnostics); }
 
 std::string control_markdown(const RegisterTable& table) {
   std::ostringstream text;
@@ -87,15 +95,15 @@ std::string registers_csv(const RegisterTable& table) {
     if (is_setting(row)) text << row.factory;
     text << ",\"" << full_description(row) << "\"," << invalid_value(row) << "," << values_list(row) << "\r\n";
   };
-  std::ranges::for_each(table.measurements, add);
-  std::ranges::for_each(table.control, add);
+  for (const std::span<const RegisterRow> block : table.blocks()) std::ranges::for_each(block, add);
   return text.str();
 }
 
 std::string finsightctl_table(const RegisterTable& table) {
   std::string text = "REGISTERS = [\n";
-  for (const RegisterRow& row : table.measurements) text += python_row(row);
-  for (const RegisterRow& row : table.control) text += python_row(row);
+  for (const std::span<const RegisterRow> block : table.blocks()) {
+    for (const RegisterRow& row : block) text += python_row(row);
+  }
   return text + "]\n";
 }
 

@@ -7,7 +7,7 @@
 namespace finsight::host {
 
 const char* name_of(RegisterType type) {
-  constexpr const char* kNames[] = {"uint16", "int16", "uint32", "float32"};
+  constexpr const char* kNames[] = {"uint16", "int16", "uint32", "float32", "text32"};
   return kNames[static_cast<std::size_t>(type)];
 }
 

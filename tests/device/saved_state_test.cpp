@@ -223,7 +223,7 @@ TEST_CASE("saved state: a file that is cut or not valid is refused with line and
   CHECK(refusal("hold_time = 1234", "hold_time = 10001").find("state.toml:10: settings.hold_time: found 10001") !=
         std::string::npos);
   CHECK(refusal("contact_on = 20", "contact_on = 10").find("\"on\" is not above its \"off\"") != std::string::npos);
-  CHECK(refusal("version = 2", "version = 3").find("version: found 3") != std::string::npos);
+  CHECK(refusal("version = 3", "version = 4").find("version: found 4") != std::string::npos);
   CHECK(refusal("light = 1", "lamp = 1").find("light") != std::string::npos);
 }
 
@@ -287,7 +287,7 @@ TEST_CASE("saved state: of a file of version 1 the settings are used, and its ze
   const auto file = folder / "state.toml";
   save(file, changed());
   std::string text = text_of(file);
-  text.replace(text.find("version = 2"), 11, "version = 1");
+  text.replace(text.find("version = 3"), 11, "version = 1");
   folder.write("state.toml", text.substr(0, text.find("model = ")));
   const auto loaded = load(file);
   REQUIRE(loaded);

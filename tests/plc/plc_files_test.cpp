@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <iterator>
 #include <list>
@@ -33,10 +34,13 @@ std::string without(const std::string& text, const std::string& pattern) {
 class RewordedTable {
  public:
   RewordedTable() {
-    for (const RegisterRow& row : kRegisterTable.measurements) measurements_.push_back(reworded(row));
-    for (const RegisterRow& row : kRegisterTable.control) control_.push_back(reworded(row));
+    std::size_t b = 0;
+    for (const std::span<const RegisterRow> block : kRegisterTable.blocks()) {
+      for (const RegisterRow& row : block) blocks_[b].push_back(reworded(row));
+      ++b;
+    }
   }
-  RegisterTable table() const { return {measurements_, control_}; }
+  RegisterTable table() const { return {blocks_[0], blocks_[1], blocks_[2], blocks_[3]}; }
 
  private:
   RegisterRow reworded(RegisterRow row) {
@@ -49,7 +53,7 @@ class RewordedTable {
   }
 
   std::list<std::vector<NamedValue>> values_;
-  std::vector<RegisterRow> measurements_, control_;
+  std::array<std::vector<RegisterRow>, kRegisterTable.blocks().size()> blocks_;
 };
 
 }  // namespace
@@ -75,7 +79,7 @@ TEST_CASE("plc files: rewording a description changes comments and nothing else"
   CHECK(finsightctl_table(table) == finsightctl_table());
 }
 
-TEST_CASE("plc files: the CSV file has one line per register, without gap or overlap in either block") {
+TEST_CASE("plc files: the CSV file has one line per register, without gap or overlap in any block") {
   std::istringstream csv(registers_csv());
   std::string line;
   REQUIRE(std::getline(csv, line));
@@ -84,6 +88,8 @@ TEST_CASE("plc files: the CSV file has one line per register, without gap or ove
   while (std::getline(csv, line)) {
     CAPTURE(line);
     if (next == kMeasurementRegisters) next = kControlAddress;
+    if (next == kControlAddress + kControlRegisters) next = kHistoryAddress;
+    if (next == kHistoryAddress + kHistoryRegisters) next = kDiagnosticsAddress;
     const bool is_wide = contains(line, ",uint32,") || contains(line, ",float32,");
     CHECK(line.substr(0, line.find(',')) == std::to_string(next));
     CHECK(line.ends_with("\r"));
@@ -91,9 +97,9 @@ TEST_CASE("plc files: the CSV file has one line per register, without gap or ove
     CHECK(std::count(line.begin(), line.begin() + static_cast<std::ptrdiff_t>(line.find('"')), ',') == 9);
     CHECK(std::count(line.begin() + static_cast<std::ptrdiff_t>(line.rfind('"')), line.end(), ',') == 2);
     CHECK(std::all_of(line.begin(), line.end(), [](char c) { return c == '\r' || (c >= ' ' && c <= '~'); }));
-    next += is_wide ? 2 : 1;
+    next += contains(line, ",text32,") ? 16 : is_wide ? 2 : 1;
   }
-  CHECK(next == kControlAddress + kControlRegisters);
+  CHECK(next == kDiagnosticsAddress + kDiagnosticsRegisters);
   CHECK(contains(registers_csv(), "5,touch_x,int16,0.01,mm,read,,,,\""));
   CHECK(contains(registers_csv(), "1016,hold_time,uint16,1,ms,read/write,0,10000,200,\""));
   CHECK(contains(registers_csv(), "-32768: not valid\",-32768,\r\n"));
