@@ -97,7 +97,9 @@ int measure(const Arguments& arguments, const Settings& settings) {
   if (!settings.saved_state.empty()) saver.emplace(settings.saved_state, basis);
   std::optional<Recorder> recorder;
   const auto images = recording_info(settings, model);
-  if (!settings.recordings.empty() && images) recorder.emplace(settings.recordings, *images);
+  if (!settings.recordings.empty() && images) {
+    recorder.emplace(settings.recordings, *images, Recorder::Limits{settings.record_max_s, settings.record_reserve_mb});
+  }
   DigitalOutputs outputs(settings.gpio);
   Control control(settings.write_key, settings.loop.runtime, saved.state.settings);
   const int timeout_ms = frame_timeout_ms(settings);

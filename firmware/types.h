@@ -134,8 +134,10 @@ struct Touch {
 /// What a Modbus client reads: 16-bit registers exactly as they go on the wire, and the time that their age counts
 /// from.
 inline constexpr int kMeasurementRegisters = 48;
+inline constexpr int kProcessRegisters = 25;  ///< from 1110 on
 struct RegisterImage {
   std::array<std::uint16_t, kMeasurementRegisters> words{};
+  std::array<std::uint16_t, kProcessRegisters> process{};
   std::int64_t exposure_ns = 0;
 };
 

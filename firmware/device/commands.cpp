@@ -4,6 +4,12 @@
 
 namespace finsight {
 
+namespace {
+
+CommandResult done_if(bool possible) { return possible ? CommandResult::kDone : CommandResult::kNotPossible; }
+
+}  // namespace
+
 Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved,
                    std::int64_t frame_timeout_ns)
     : control_(control),
@@ -35,7 +41,9 @@ void Commands::poll() {
     if (is_ordered_) control_.finish(*result);
   }
   loop_.show_unsaved(zero_changed_ || settings_ != saved_.settings);
-  if (recorder_) control_.show_recording(static_cast<std::uint16_t>(recorder_->state()));
+  if (recorder_) {
+    control_.show_recording(static_cast<std::uint16_t>(recorder_->state()), recorder_->seconds(), recorder_->mb_left());
+  }
 }
 
 void Commands::trigger() {
@@ -68,6 +76,21 @@ std::optional<CommandResult> Commands::start(Command command) {
     case Command::kReset:
       reset_at_ns_ = steady_now_ns() + kResultIsShownNs;
       return CommandResult::kDone;
+    case Command::kTareForce:
+      return done_if(loop_.process_values().tare_force());
+    case Command::kTareDeformation:
+      return done_if(loop_.process_values().tare_deformation());
+    case Command::kTareTouch:
+      return done_if(loop_.process_values().tare_touch());
+    case Command::kClearTare:
+      loop_.process_values().clear_tare();
+      return CommandResult::kDone;
+    case Command::kResetPeaks:
+      loop_.process_values().reset_peaks();
+      return CommandResult::kDone;
+    case Command::kResetEvents:
+      loop_.process_values().reset_events();
+      return CommandResult::kDone;
     case Command::kFactory:  // Control has replaced the settings already
       zero_changed_ = zero_changed_ || loop_.zeroing().zero();
       loop_.zeroing().set_zero(std::nullopt);
@@ -79,7 +102,7 @@ std::optional<CommandResult> Commands::start(Command command) {
 std::optional<CommandResult> Commands::record(bool start) {
   if (!recorder_) return CommandResult::kNotConfigured;
   const bool is_recording = recorder_->state() == Recorder::State::kRecording;
-  if (start && is_recording) return CommandResult::kNotPossible;
+  if (start && (is_recording || recorder_->mb_left() == 0)) return CommandResult::kNotPossible;
   if (!start && !is_recording) return CommandResult::kDone;
   start ? recorder_->start() : recorder_->stop();
   return std::nullopt;

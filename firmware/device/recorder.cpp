@@ -1,6 +1,7 @@
 #include "firmware/device/recorder.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstring>
 #include <exception>
@@ -31,48 +32,65 @@ std::filesystem::path new_folder(const std::filesystem::path& parent) {
 
 }  // namespace
 
-/// One recording. Its files get their names when it is over; one that fails leaves nothing behind.
+/// One recording. Its files have their names from the start, so that a kill leaves what was written; one that fails
+/// before its first frame leaves nothing.
 struct Recorder::Session {
-  Session(const std::filesystem::path& parent, const SessionInfo& session)
-      : folder(new_folder(parent)),
-        info(session),
-        images(folder / kSessionFrames, info.lens.width_px, info.lens.height_px, info.frames_per_second),
-        registers(folder / "registers.csv") {
-    registers.write("frame," + csv_names_of_registers() + "\n");
+  Session(const std::filesystem::path& parent, const SessionInfo& session) : folder(new_folder(parent)), info(session) {
+    try {
+      info.complete = false;
+      info.description = "recorded by finsightd, and cut off";
+      write_file_atomically(folder / kSessionInfo, session_info_toml(info));
+      images.emplace(folder / kSessionFrames);
+      images->write(y4m_header(info.lens.width_px, info.lens.height_px, info.frames_per_second));
+      registers.emplace(folder / "registers.csv");
+      registers->write("frame," + csv_names_of_registers() + "\n");
+      sync_folder(folder);
+      sync_folder(parent);
+    } catch (...) {
+      remove();
+      throw;
+    }
   }
   ~Session() {
-    std::error_code ignored;
-    if (!is_finished) std::filesystem::remove_all(folder, ignored);
+    if (frames == 0 && info.complete == false) remove();
   }
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
+  void remove() {
+    std::error_code ignored;
+    std::filesystem::remove_all(folder, ignored);
+  }
   void add(const Slot& slot) {
-    images.write(slot.grey.data());
-    registers.write(std::to_string(slot.sequence) + "," + csv_of_registers(slot.image.words) + "\n");
+    images->write(kY4mFrame);
+    images->write({reinterpret_cast<const char*>(slot.grey.data()), slot.grey.size()});
+    registers->write(std::to_string(slot.sequence) + "," + csv_of_registers(slot.image.words) + "\n");
     ++frames;
   }
-  /// session.toml comes last: a folder that has one is complete.
+  double seconds() const { return frames / info.frames_per_second; }
+  /// session.toml comes last: what it calls complete is on the disk.
   void finish(unsigned left_out) {
-    images.finish();
-    registers.commit();
-    info.description = "recorded by finsightd: " + std::to_string(frames) + " frames, " + std::to_string(left_out) +
-                       " left out because the disk was too slow";
-    write_file_atomically(folder / kSessionInfo, session_info_toml(info));
+    images->sync();
+    registers->sync();
+    SessionInfo whole = info;
+    whole.complete = true;
+    whole.description = "recorded by finsightd: " + std::to_string(frames) + " frames, " + std::to_string(left_out) +
+                        " left out because the disk was too slow";
+    write_file_atomically(folder / kSessionInfo, session_info_toml(whole));
     sync_folder(folder.parent_path());
-    is_finished = true;
+    info = whole;
   }
 
   std::filesystem::path folder;
   SessionInfo info;
-  Y4mWriter images;
-  AtomicFile registers;
+  std::optional<GrowingFile> images, registers;
   unsigned frames = 0;
-  bool is_finished = false;
 };
 
-Recorder::Recorder(std::filesystem::path folder, const SessionInfo& info) : folder_(std::move(folder)), info_(info) {
+Recorder::Recorder(std::filesystem::path folder, const SessionInfo& info, const Limits& limits)
+    : folder_(std::move(folder)), info_(info), limits_(limits) {
   for (Slot& slot : slots_) slot.grey.resize(static_cast<std::size_t>(info.lens.width_px) * info.lens.height_px);
+  look_up_room();
   thread_ = std::thread([this] { run(); });
 }
 
@@ -108,23 +126,40 @@ void Recorder::add(const Frame& frame, const RegisterImage& image) {
   push();
 }
 
+// Of the disk that the folder is on, or will be on.
+void Recorder::look_up_room() {
+  std::filesystem::path folder = std::filesystem::absolute(folder_);
+  std::error_code error;
+  while (!std::filesystem::exists(folder, error) && folder.has_relative_path()) folder = folder.parent_path();
+  const std::filesystem::space_info space = std::filesystem::space(folder, error);
+  const auto free_mb = error ? 0 : static_cast<std::int64_t>(space.available / 1'000'000);
+  mb_left_ = static_cast<int>(std::clamp<std::int64_t>(free_mb - limits_.reserve_mb, 0, 65534));
+}
+
 void Recorder::run() {
   std::optional<Session> session;
+  const auto finish = [&](State state) {
+    if (session) session->finish(left_out_);
+    session.reset();
+    state_ = state;
+  };
   for (bool ended = false; !ended; ++tail_) {
-    filled_.acquire();
+    while (!filled_.try_acquire_for(std::chrono::seconds(1))) look_up_room();
     const Slot& slot = slots_[tail_ % kSlots];
     try {
       if (slot.order == Order::kStart) {
         left_out_ = 0;
+        seconds_ = 0;
         session.emplace(folder_, info_);
         state_ = State::kRecording;
-      } else if (slot.order == Order::kFrame) {
-        if (session) session->add(slot);
-      } else {
+      } else if (slot.order != Order::kFrame) {
         ended = slot.order == Order::kEnd;
-        if (session) session->finish(left_out_);
-        session.reset();
-        if (state_ == State::kRecording) state_ = State::kIdle;
+        if (state_ == State::kRecording) finish(State::kIdle);
+      } else if (session) {
+        session->add(slot);
+        const auto seconds = static_cast<int>(session->seconds());
+        if (seconds != seconds_.exchange(seconds)) look_up_room();
+        if (seconds >= limits_.longest_s || mb_left_ == 0) finish(State::kFull);
       }
     } catch (const std::exception& error) {
       log_message(std::string("recording: ") + error.what());

@@ -17,8 +17,8 @@
 namespace finsight {
 
 /// Folders session-0001, session-0002, ... The frame loop's thread hands frames over and never waits: another thread
-/// writes them. Frames that it cannot write in time are left out and counted in session.toml's description. A recording
-/// that the disk refuses leaves no folder behind.
+/// writes them. Frames that it cannot write in time are left out and counted in session.toml's description. What was
+/// written can be replayed, however the recording ends: session.toml says "complete = false" until it is over.
 class Recorder {
  public:
   /// Register 1005.
@@ -26,15 +26,24 @@ class Recorder {
     kIdle = value_named("recording", "idle"),
     kRecording = value_named("recording", "recording"),
     kFailed = value_named("recording", "failed"),
+    kFull = value_named("recording", "full"),
+  };
+
+  /// Where a recording ends by itself.
+  struct Limits {
+    int longest_s = 600;
+    int reserve_mb = 100;  ///< of the disk, which stays free for others
   };
 
   /// `info` describes the images: size, rate, lens and markers.
-  Recorder(std::filesystem::path folder, const SessionInfo& info);
+  Recorder(std::filesystem::path folder, const SessionInfo& info, const Limits& limits);
   ~Recorder();  ///< finishes a recording that is running
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
   State state() const { return state_; }
+  int seconds() const { return seconds_; }  ///< length of the running or last recording
+  int mb_left() const { return mb_left_; }  ///< down to the reserve; looked up every second
   /// What start() and stop() ordered is done: after stop() all files are on the disk, or the state is kFailed.
   bool is_settled() const { return open_orders_ == 0; }
   void start() { push_order(Order::kStart); }
@@ -59,15 +68,18 @@ class Recorder {
     filled_.release();
   }
   void run();
+  void look_up_room();
   struct Session;
 
   const std::filesystem::path folder_;
   const SessionInfo info_;
+  const Limits limits_;
   std::array<Slot, kSlots> slots_;
   std::atomic<unsigned> head_{0}, tail_{0};  ///< slots filled and written since the start
   std::atomic<int> open_orders_{0};          ///< not yet carried out
   std::atomic<unsigned> left_out_{0};
   std::atomic<State> state_{State::kIdle};
+  std::atomic<int> seconds_{0}, mb_left_{0};
   std::counting_semaphore<> filled_{0};
   std::thread thread_;
 };

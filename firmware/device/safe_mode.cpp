@@ -66,7 +66,7 @@ bool SafeMode::run(const std::atomic<bool>& stop) {
   log_message("SAFE MODE, fault " + std::to_string(static_cast<int>(state_.fault)) + "; Modbus TCP on port " +
               std::to_string(port()));
   Supervisor().ready();
-  RegisterImage image;
+  RegisterImage image = empty_block();
   while (!stop) {
     ++state_.heartbeat;
     state_.settings = control_.settings();

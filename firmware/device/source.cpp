@@ -6,9 +6,21 @@
 
 namespace finsight {
 
+namespace {
+
+void report_if_cut(const std::filesystem::path& session) {
+  if (read_session_info(session).complete) return;
+  const Y4mReader images(session / kSessionFrames, true);
+  log_message(session.string() + ": this recording was cut off; its " + std::to_string(images.whole_frames()) +
+              " whole frames are replayed");
+}
+
+}  // namespace
+
 OpenSource open_source(const Settings& settings) {
   switch (settings.source) {
     case Settings::Source::kSession:
+      report_if_cut(settings.replay.path);
       return open_session_camera(settings.replay);
     case Settings::Source::kPoses:
       return open_pose_replay(settings.replay);

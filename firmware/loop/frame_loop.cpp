@@ -47,6 +47,7 @@ const RegisterImage& FrameLoop::process(Observation seen, StageClock clock) {
   const Touch& touch = hold_.touch(locate(seen, poses, motion));
   clock.lap(times_.touch);
   judge(seen, shape, touch);
+  process_.update(seen, poses, shape, touch, state_.limits, state_.settings);
   const RegisterImage& registers = publish(seen, poses, shape, touch);
   clock.lap(times_.registers);
   clock.finish(times_.frame);
@@ -61,6 +62,7 @@ void FrameLoop::zero(Observation& seen) {
     shake_.reset();
     filter_.reset();
     hold_.reset();
+    process_.reset();
     seen.rigid_motion.reset();
   }
   seen.moved_as_one = seen.rigid_motion && MountCheck::is_rigid_motion(*seen.rigid_motion);
@@ -89,6 +91,7 @@ const RegisterImage& FrameLoop::publish(const Observation& seen, const PlatePose
   ++state_.heartbeat;
   state_.published_ns = steady_now_ns();
   encode_registers(poses, shape, touch, state_, registers_);
+  encode_process(process_.readings(), registers_);
   return registers_;
 }
 

@@ -7,6 +7,7 @@
 #include "firmware/loop/hold.h"
 #include "firmware/loop/mount_check.h"
 #include "firmware/loop/pose_filter.h"
+#include "firmware/loop/process_values.h"
 #include "firmware/loop/shake.h"
 #include "firmware/loop/stage_times.h"
 #include "firmware/loop/zero.h"
@@ -46,6 +47,7 @@ class FrameLoop {
   /// From the next frame on.
   void use(const RuntimeSettings& settings) { state_.settings = settings; }
   Zeroing& zeroing() { return zeroing_; }
+  ProcessValues& process_values() { return process_; }
   void show_unsaved(bool unsaved) { state_.settings_unsaved = unsaved; }
   /// Stays, where the frame itself has no other fault, until it is set to kNone.
   void set_lasting_fault(FaultCode fault) { lasting_fault_ = fault; }
@@ -71,6 +73,7 @@ class FrameLoop {
   Hold hold_;
   ShapeStage shape_;
   TouchStage touch_;
+  ProcessValues process_;
   FaultCode lasting_fault_ = FaultCode::kNone;
   std::uint32_t last_sequence_ = 0;
   LoopState state_;

@@ -36,10 +36,14 @@ std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_
     }
     case kRecordingRegister:
       return recording_;
-    default:
-      return address < kFirstSettingRegister
-                 ? 0
-                 : settings_.words[static_cast<std::size_t>(address - kFirstSettingRegister)];
+    case address_of("recording_s"):
+      return recording_s_;
+    case address_of("recording_mb_left"):
+      return recording_mb_left_;
+    default: {
+      const int setting = setting_at(address);
+      return setting < 0 ? 0 : settings_.words[static_cast<std::size_t>(setting)];
+    }
   }
 }
 
@@ -70,7 +74,7 @@ Exception Control::write(int first, std::span<const std::uint16_t> words, const 
     std::uint16_t& target = address == kCommandRegister ? command
                             : address == kSequenceRegister
                                 ? sequence
-                                : settings.words[static_cast<std::size_t>(address - kFirstSettingRegister)];
+                                : settings.words[static_cast<std::size_t>(setting_at(address))];
     target = words[i];
   }
   // A client that has lost the answer repeats its request, which must not start the command a second time.

@@ -24,6 +24,12 @@ enum class Command : std::uint16_t {
   kStopRecording = value_named("command", "stop"),
   kReset = value_named("command", "reset"),
   kFactory = value_named("command", "factory"),
+  kTareForce = value_named("command", "tare_force"),
+  kTareDeformation = value_named("command", "tare_deformation"),
+  kTareTouch = value_named("command", "tare_touch"),
+  kClearTare = value_named("command", "clear_tare"),
+  kResetPeaks = value_named("command", "reset_peaks"),
+  kResetEvents = value_named("command", "reset_events"),
 };
 
 /// Register 1003.
@@ -77,7 +83,12 @@ class Control {
     const bool is_measured = image.exposure_ns != 0 && !(image.words[0] & kCameraFault);
     return is_measured && now_ns - image.exposure_ns > stale_after_ns_;
   }
-  void show_recording(std::uint16_t state) { recording_ = state; }  ///< register 1005
+  /// Registers 1005, 1007 and 1008.
+  void show_recording(std::uint16_t state, int seconds, int mb_left) {
+    recording_ = state;
+    recording_s_ = static_cast<std::uint16_t>(seconds);
+    recording_mb_left_ = static_cast<std::uint16_t>(mb_left);
+  }
   const RuntimeSettings& factory() const { return factory_; }
 
  private:
@@ -101,7 +112,7 @@ class Control {
   std::uint16_t running_sequence_ = 0;    ///< register 1001 of the pending or running command
   std::atomic<bool> busy_{false};         ///< from the request to the result
   std::atomic<std::uint32_t> result_{0};  ///< sequence << 16 | result
-  std::atomic<std::uint16_t> recording_{0};
+  std::atomic<std::uint16_t> recording_{0}, recording_s_{0}, recording_mb_left_{0xFFFF};
   std::atomic<std::int64_t> stale_after_ns_{std::numeric_limits<std::int64_t>::max()};
 };
 

@@ -171,11 +171,19 @@ inline constexpr NamedValue kCommands[] = {
     {5, "stop", "recording"},
     {6, "reset", "restarts half a second later"},
     {7, "factory", "factory settings and no zero; not saved"},
+    {8, "tare_force", "register 1120 counts from its present value"},
+    {9, "tare_deformation", "register 1121 counts from its present value"},
+    {10, "tare_touch", "registers 1122 to 1124 count from their present values"},
+    {11, "clear_tare", "of all values"},
+    {12, "reset_peaks", "and minima, registers 1125 to 1134"},
+    {13, "reset_events", "and their counters, registers 1110 to 1114"},
 };
 
 inline constexpr NamedValue kResults[] = {
     {0, "done"},
-    {1, "not_possible", "zero: a plate is missing, moving or too far off; record: already recording"},
+    {1, "not_possible",
+     "zero: a plate is missing, moving or too far off; tare: the value is not valid; record: already recording, or no "
+     "room"},
     {2, "not_configured", "the board file names no folder or file for it"},
     {3, "failed", "disk error"},
 };
@@ -187,7 +195,8 @@ inline constexpr NamedValue kHistoryResults[] = {
 inline constexpr NamedValue kRecordingStates[] = {
     {0, "idle"},
     {1, "recording"},
-    {2, "failed", "the last recording; disk error"},
+    {2, "failed", "the last recording; disk error; replay takes what was written"},
+    {3, "full", "the last recording ended at its greatest length or at the disk's reserve; it is complete"},
 };
 
 inline constexpr NamedValue kAfterHoldCodes[] = {
@@ -203,6 +212,20 @@ inline constexpr NamedValue kWordOrders[] = {
 inline constexpr NamedValue kSwitch[] = {
     {0, "off"},
     {1, "on"},
+};
+
+inline constexpr NamedValue kEvents[] = {
+    {0, "contact_made"},
+    {1, "contact_lost"},
+    {2, "overload", "or over range"},
+    {3, "grip_changed"},
+};
+
+inline constexpr NamedValue kProcessStates[] = {
+    {0, "force_tared"},
+    {1, "deformation_tared"},
+    {2, "touch_tared"},
+    {3, "grip_steady", "gripped, and compared with how it was when it came to rest"},
 };
 
 inline constexpr std::uint16_t kMapVersion = 3;
@@ -265,8 +288,8 @@ inline constexpr RegisterRow kControl[] = {
     row::writable(row::number(1004, "write_key", kUint16, 1, "s", "writing the device's key unlocks this client's writes for 30 s, and each of them for another 30 s; reads as the seconds left"), 0, 65535),
     row::code(1005, "recording", kRecordingStates, ""),
     row::writable(row::count(1006, "master_refresh", kUint16, "the master writes any value here at least every master_timeout (1022)"), 0, 65535),
-    row::reserved(1007, "reserved_1007"),
-    row::reserved(1008, "reserved_1008"),
+    row::number(1007, "recording_s", kUint16, 1, "s", "length of the running or last recording"),
+    row::measured(1008, "recording_mb_left", kUint16, 1, "MB", "room for recordings, down to the disk's reserve", "not configured"),
     row::writable_code(row::code(1009, "exclusive", kSwitch, "on: until this client writes off or its unlock ends, other clients' writes are refused as busy; 1206 is who")),
     row::writable(row::number(1010, "contact_on", kUint16, 0.01, "N", "contact is set at this force; must exceed contact_off"), 1, 10000, 20),
     row::writable(row::number(1011, "contact_off", kUint16, 0.01, "N", "contact is cleared below this force"), 0, 9999, 10),
@@ -283,6 +306,44 @@ inline constexpr RegisterRow kControl[] = {
     row::writable(row::number(1022, "master_timeout", kUint16, 1, "ms", "fault 14 when register 1006 is not written for so long; 0: never"), 0, 60000, 0),
 };
 
+// Process helpers: settings first, then what the device makes of the measurements. See firmware/loop/process_values.h.
+inline constexpr RegisterRow kProcess[] = {
+    row::writable(row::number(1100, "lowpass", kUint16, 0.1, "Hz", "cut-off frequency of the low-pass of registers 1120 to 1134; 0: none"), 0, 1000),
+    row::writable(row::number(1101, "grip_change", kUint16, 0.1, "", "while an object is held, grip_changed is raised when the touch moves by more than this many of its radii, or the deformation by as many standard deviations of its noise; 0: never"), 0, 1000, 30),
+    row::reserved(1102, "reserved_1102"),
+    row::reserved(1103, "reserved_1103"),
+    row::reserved(1104, "reserved_1104"),
+    row::reserved(1105, "reserved_1105"),
+    row::reserved(1106, "reserved_1106"),
+    row::reserved(1107, "reserved_1107"),
+    row::reserved(1108, "reserved_1108"),
+    row::reserved(1109, "reserved_1109"),
+    row::bits(1110, "events", kEvents, "what has happened since command 13; a fault is no event"),
+    row::count(1111, "contact_made_count", kUint16, "how often since command 13; wraps around"),
+    row::count(1112, "contact_lost_count", kUint16, "how often since command 13; wraps around"),
+    row::count(1113, "overload_count", kUint16, "how often since command 13; wraps around"),
+    row::count(1114, "grip_changed_count", kUint16, "how often since command 13; wraps around"),
+    row::bits(1115, "process_state", kProcessStates, ""),
+    row::number(1116, "lowpass_delay", kUint16, 0.1, "ms", "by how much the low-pass delays a steady change, besides the latency"),
+    row::reserved(1117, "reserved_1117"),
+    row::reserved(1118, "reserved_1118"),
+    row::reserved(1119, "reserved_1119"),
+    row::measured(1120, "force_net", kInt16, 0.01, "N", "contact force, after low-pass and tare"),
+    row::measured(1121, "deformation_net", kInt16, 0.01, "mm", "deformation (register 28), after low-pass and tare"),
+    row::measured(1122, "touch_x_net", kInt16, 0.01, "mm", "touched point, after low-pass and tare, across the finger"),
+    row::measured(1123, "touch_y_net", kInt16, 0.01, "mm", "touched point, after low-pass and tare, up from the base"),
+    row::measured(1124, "touch_z_net", kInt16, 0.01, "mm", "touched point, after low-pass and tare, into the finger"),
+    row::measured(1125, "force_peak", kInt16, 0.01, "N", "highest force_net since command 12 or its tare", "none yet"),
+    row::measured(1126, "deformation_peak", kInt16, 0.01, "mm", "highest deformation_net since command 12 or its tare", "none yet"),
+    row::measured(1127, "touch_x_peak", kInt16, 0.01, "mm", "highest touch_x_net since command 12 or its tare", "none yet"),
+    row::measured(1128, "touch_y_peak", kInt16, 0.01, "mm", "highest touch_y_net since command 12 or its tare", "none yet"),
+    row::measured(1129, "touch_z_peak", kInt16, 0.01, "mm", "highest touch_z_net since command 12 or its tare", "none yet"),
+    row::measured(1130, "force_minimum", kInt16, 0.01, "N", "lowest force_net since command 12 or its tare", "none yet"),
+    row::measured(1131, "deformation_minimum", kInt16, 0.01, "mm", "lowest deformation_net since command 12 or its tare", "none yet"),
+    row::measured(1132, "touch_x_minimum", kInt16, 0.01, "mm", "lowest touch_x_net since command 12 or its tare", "none yet"),
+    row::measured(1133, "touch_y_minimum", kInt16, 0.01, "mm", "lowest touch_y_net since command 12 or its tare", "none yet"),
+    row::measured(1134, "touch_z_minimum", kInt16, 0.01, "mm", "lowest touch_z_net since command 12 or its tare", "none yet"),
+};
 // The newest command is first, also while it runs.
 #define FINSIGHT_HISTORY(n, address) \
   row::count(address, "history_" #n "_sequence", kUint16, "number of a command, the newest first; 0: none"), \
@@ -344,13 +405,13 @@ inline constexpr RegisterRow kDiagnostics[] = {
 
 /// The whole table: the measurements, and behind them what is read and written under Control's lock.
 struct RegisterTable {
-  std::span<const RegisterRow> measurements, control, history, diagnostics;
-  constexpr std::array<std::span<const RegisterRow>, 4> blocks() const {
-    return {measurements, control, history, diagnostics};
+  std::span<const RegisterRow> measurements, control, process, history, diagnostics;
+  constexpr std::array<std::span<const RegisterRow>, 5> blocks() const {
+    return {measurements, control, process, history, diagnostics};
   }
 };
-inline constexpr RegisterTable kRegisterTable = {table::kMeasurements, table::kControl, table::kHistory,
-                                                 table::kDiagnostics};
+inline constexpr RegisterTable kRegisterTable = {table::kMeasurements, table::kControl, table::kProcess,
+                                                 table::kHistory, table::kDiagnostics};
 
 // Look-ups by name at compile time: a name that is not in the table does not compile.
 
@@ -391,9 +452,25 @@ enum ControlRegister : int {
   kExclusiveRegister = address_of("exclusive"),
   kFirstSettingRegister = address_of("contact_on"),
 };
+inline constexpr int kProcessAddress = address_of("lowpass");
+inline constexpr int kProcessBlockRegisters = static_cast<int>(kRegisterTable.process.size());
+inline constexpr int kProcessSettings = address_of("reserved_1102") - kProcessAddress;
+inline constexpr int kProcessValueAddress = address_of("events");  ///< from here on they are in RegisterImage::process
+static_assert(kProcessRegisters == kProcessAddress + kProcessBlockRegisters - kProcessValueAddress);
+
+/// Settings are numbered through: those of the control block, then those of the process helpers. -1: no setting's
+/// address.
+constexpr int setting_at(int address) {
+  constexpr int kControlSettings = kControlAddress + kControlRegisters - kFirstSettingRegister;
+  if (address >= kProcessAddress && address < kProcessAddress + kProcessSettings) {
+    return kControlSettings + address - kProcessAddress;
+  }
+  const int setting = address - kFirstSettingRegister;
+  return setting >= 0 && setting < kControlSettings ? setting : -1;
+}
 
 consteval std::uint8_t setting_named(std::string_view name) {
-  return static_cast<std::uint8_t>(address_of(name) - kFirstSettingRegister);
+  return static_cast<std::uint8_t>(setting_at(address_of(name)));
 }
 
 /// A setting's place among the settings.
@@ -411,7 +488,9 @@ enum Setting : std::uint8_t {
   kLight = setting_named("light"),
   kTriggerCommand = setting_named("trigger_command"),
   kMasterTimeout = setting_named("master_timeout"),
-  kSettingCount = kControlAddress + kControlRegisters - kFirstSettingRegister
+  kLowpass = setting_named("lowpass"),
+  kGripChange = setting_named("grip_change"),
+  kSettingCount = kControlAddress + kControlRegisters - kFirstSettingRegister + kProcessSettings
 };
 
 /// Blocks beside measurements and control: where each begins and how many registers it has.
@@ -425,11 +504,17 @@ inline constexpr int kDiagnosticsAddress = address_of("uptime");
 inline constexpr int kDiagnosticsRegisters = words_in(kRegisterTable.diagnostics);
 inline constexpr int kFaultEntries = 8;
 
-/// The row of commands and settings at this address. All of them are single words, so the index follows from it.
+/// The row of commands, settings and process helpers at this address. All of them are single words, so the index
+/// follows from it.
 constexpr const RegisterRow& control_row(int address) {
-  return kRegisterTable.control[static_cast<std::size_t>(address - kControlAddress)];
+  return address >= kProcessAddress ? kRegisterTable.process[static_cast<std::size_t>(address - kProcessAddress)]
+                                    : kRegisterTable.control[static_cast<std::size_t>(address - kControlAddress)];
 }
-constexpr const RegisterRow& setting_row(int setting) { return control_row(kFirstSettingRegister + setting); }
+constexpr const RegisterRow& setting_row(int setting) {
+  constexpr int kFirstOfProcess = setting_at(kProcessAddress);
+  return control_row(setting < kFirstOfProcess ? kFirstSettingRegister + setting
+                                               : kProcessAddress + setting - kFirstOfProcess);
+}
 
 /// The measurement that the word at this address (below kMeasurementRegisters) belongs to.
 constexpr const RegisterRow& measurement_row(int address) {
@@ -457,5 +542,6 @@ static_assert(is_well_formed(kRegisterTable.history, kHistoryAddress, kHistoryAd
 static_assert(is_well_formed(kRegisterTable.diagnostics, kDiagnosticsAddress,
                              kDiagnosticsAddress + kDiagnosticsRegisters));
 static_assert(kDiagnosticsRegisters <= 125);  // one read shows them all
+static_assert(is_well_formed(kRegisterTable.process, kProcessAddress, kProcessAddress + kProcessBlockRegisters));
 
 }  // namespace finsight

@@ -18,6 +18,14 @@ static_assert(static_cast<int>(ShapeSource::kMap) == value_named("shape_source",
 static_assert(static_cast<int>(ShapeSource::kNewton) == value_named("shape_source", "newton_solve"));
 static_assert(static_cast<int>(ShapeSource::kContactMap) == value_named("shape_source", "contact_aware_map"));
 
+// The process helpers' events and values are numbered as their registers.
+static_assert(kOverloadEvent == value_named("events", "overload") &&
+              kGripChanged == value_named("events", "grip_changed"));
+static_assert(address_of("grip_changed_count") == address_of("contact_made_count") + kGripChanged);
+static_assert(address_of("touch_z_net") == address_of("force_net") + kTouchZ);
+static_assert(address_of("touch_z_peak") == address_of("force_peak") + kTouchZ);
+static_assert(address_of("touch_z_minimum") == address_of("force_minimum") + kTouchZ);
+
 /// Writes values into the block as their rows say.
 class BlockWriter {
  public:
@@ -56,7 +64,10 @@ class BlockWriter {
 
  private:
   void put(int address, std::int64_t word) {
-    image_.words[static_cast<std::size_t>(address)] = static_cast<std::uint16_t>(word);
+    std::uint16_t& place = address < kMeasurementRegisters
+                               ? image_.words[static_cast<std::size_t>(address)]
+                               : image_.process[static_cast<std::size_t>(address - kProcessValueAddress)];
+    place = static_cast<std::uint16_t>(word);
   }
   void put_pair(int address, std::uint32_t bits) {
     put(low_word_first_ ? address + 1 : address, bits >> 16);
@@ -195,9 +206,33 @@ void encode_registers(const PlatePoses& poses, const FingerShape& shape, const T
   block.count(row_named("limits"), limits_word(state.limits));
 }
 
+void encode_process(const ProcessReadings& readings, RegisterImage& image) {
+  image.process.fill(0);
+  BlockWriter block(image, false);  // all of them are single words
+  std::uint32_t events = 0;
+  for (int event = 0; event < kProcessEvents; ++event) {
+    events |= std::uint32_t{readings.event[event]} << event;
+    block.count((&row_named("contact_made_count"))[event], readings.count[event]);
+  }
+  block.count(row_named("events"), events);
+  std::uint32_t state = 0;
+  if (readings.force_tared) state |= bit_named("process_state", "force_tared");
+  if (readings.deformation_tared) state |= bit_named("process_state", "deformation_tared");
+  if (readings.touch_tared) state |= bit_named("process_state", "touch_tared");
+  if (readings.grip_steady) state |= bit_named("process_state", "grip_steady");
+  block.count(row_named("process_state"), state);
+  block.measured(row_named("lowpass_delay"), readings.lowpass_delay_ms, true);
+  for (int value = 0; value < kProcessValues; ++value) {
+    block.measured((&row_named("force_net"))[value], readings.net[value], true);
+    block.measured((&row_named("force_peak"))[value], readings.peak[value], true);
+    block.measured((&row_named("force_minimum"))[value], readings.minimum[value], true);
+  }
+}
+
 RegisterImage empty_block() {
   RegisterImage image;
   encode_registers(PlatePoses{}, FingerShape{}, Touch{}, LoopState{}, image);
+  encode_process({}, image);
   return image;
 }
 
@@ -211,6 +246,8 @@ void mark_stalled(RegisterImage& image) {
   std::uint16_t& fault = image.words[address_of("fault")];
   status = static_cast<std::uint16_t>((status & ~(kReady | kTouchValid | kShapeValid)) | kAnyFault);
   fault = static_cast<std::uint16_t>(FaultCode::kStalled);
+  BlockWriter block(image, false);
+  for (int value = 0; value < kProcessValues; ++value) block.measured((&row_named("force_net"))[value], 0, false);
 }
 
 }  // namespace finsight

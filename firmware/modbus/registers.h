@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 
 #include "firmware/modbus/register_table.h"
 #include "firmware/types.h"
@@ -67,6 +68,25 @@ struct ThresholdState {
   bool contact = false, gentle = false, overload = false;
 };
 
+/// The values that the process helpers work on, in the order of registers 1120, 1125 and 1130.
+enum ProcessValue : int { kForceValue, kDeformationValue, kTouchX, kTouchY, kTouchZ, kProcessValues };
+/// What is latched and counted, in the order of register 1110's bits and of the counters behind it.
+enum ProcessEvent : int { kContactMade, kContactLost, kOverloadEvent, kGripChanged, kProcessEvents };
+
+/// Registers 1110 to 1134. NaN: not valid, or none yet.
+struct ProcessReadings {
+  using Values = std::array<float, kProcessValues>;
+  static constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
+  Values net = {kNone, kNone, kNone, kNone, kNone};
+  Values peak = net, minimum = net;  ///< of net
+  std::array<bool, kProcessEvents> event{};
+  std::array<std::uint16_t, kProcessEvents> count{};
+  bool force_tared = false, deformation_tared = false, touch_tared = false;
+  bool grip_steady = false;
+  float lowpass_delay_ms = 0;
+};
+
 /// What the registers show besides poses, shape and touch.
 struct LoopState {
   std::uint16_t heartbeat = 0;
@@ -93,6 +113,9 @@ ThresholdState next_threshold_state(const ThresholdState& before, const FingerSh
 /// (age) stays 0; set_age writes it.
 void encode_registers(const PlatePoses& poses, const FingerShape& shape, const Touch& touch, const LoopState& state,
                       RegisterImage& image);
+
+/// Writes the process helpers' registers.
+void encode_process(const ProcessReadings& readings, RegisterImage& image);
 
 /// The block before the first result: not ready, no valid values.
 RegisterImage empty_block();

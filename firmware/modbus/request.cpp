@@ -45,6 +45,7 @@ bool is_in(int block, int registers, int address, int quantity) {
 Exception check_read(int address, int quantity) {
   if (quantity < 1 || quantity > kMaxRegistersPerRead) return Exception::kIllegalValue;
   const bool exists = address + quantity <= kMeasurementRegisters || is_in_control(address, quantity) ||
+                      is_in(kProcessAddress, kProcessBlockRegisters, address, quantity) ||
                       is_in(kHistoryAddress, kHistoryRegisters, address, quantity) ||
                       is_in(kDiagnosticsAddress, kDiagnosticsRegisters, address, quantity);
   return exists ? Exception::kNone : Exception::kIllegalAddress;
@@ -62,6 +63,11 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
   } else {
     device.control.read(address, words, access, device.now_ns);
   }
+  for (int at = std::max(address, kProcessValueAddress);
+       is_in(kProcessAddress, kProcessBlockRegisters, at, 1) && at < address + quantity; ++at) {
+    buffer[static_cast<std::size_t>(at - address)] =
+        device.image.process[static_cast<std::size_t>(at - kProcessValueAddress)];
+  }
   reply[0] = request[0];
   reply[1] = static_cast<std::uint8_t>(2 * quantity);
   std::size_t end = 2;
@@ -75,7 +81,8 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
 /// Writes the words that the request holds from byte `at` on.
 Exception write_words(Request request, std::size_t at, int address, int quantity, const DeviceView& device,
                       const ClientAccess& access) {
-  if (!is_in_control(address, quantity)) return Exception::kIllegalAddress;
+  if (!is_in_control(address, quantity) && !is_in(kProcessAddress, kProcessBlockRegisters, address, quantity))
+    return Exception::kIllegalAddress;
   std::array<std::uint16_t, kMaxRegistersPerWrite> words;
   for (int i = 0; i < quantity; ++i) {
     words[static_cast<std::size_t>(i)] =

@@ -83,7 +83,7 @@ class Replay : public Source<Sample> {
 class SessionCamera : public Replay<Frame> {
  public:
   SessionCamera(const ReplaySettings& settings, const SessionInfo& info)
-      : Replay(settings, info.frames_per_second), images_(settings.path / kSessionFrames) {
+      : Replay(settings, info.frames_per_second), images_(settings.path / kSessionFrames, !info.complete) {
     const auto check = [&](const char* field, double found, double expected) {
       if (std::abs(found - expected) < 1e-6 * expected) return;  // a rate is written as a ratio
       throw InputError((settings.path / kSessionFrames).string(), field, std::to_string(found),

@@ -89,6 +89,7 @@ SessionInfo read_session_info(const std::filesystem::path& folder) {
   TomlTable table = TomlTable::parse_file(folder / kSessionInfo);
   SessionInfo info;
   info.description = table.text("description", "");
+  info.complete = table.flag("complete", true);
   const auto width_px = static_cast<int>(table.integer("width_px", 1, Y4mReader::kMaxSide));
   const auto height_px = static_cast<int>(table.integer("height_px", 1, Y4mReader::kMaxSide));
   info.frames_per_second = table.number("frames_per_second", 1, 1000);
@@ -115,8 +116,8 @@ void check_markers(const SessionInfo& info, const std::filesystem::path& folder,
 
 std::string session_info_toml(const SessionInfo& info) {
   const auto id = [&](int plate) { return std::to_string(info.marker_id[plate]); };
-  return "description = " + quoted(info.description) + "\nwidth_px = " + std::to_string(info.lens.width_px) +
-         "\nheight_px = " + std::to_string(info.lens.height_px) +
+  return "description = " + quoted(info.description) + (info.complete ? "" : "\ncomplete = false") +
+         "\nwidth_px = " + std::to_string(info.lens.width_px) + "\nheight_px = " + std::to_string(info.lens.height_px) +
          "\nframes_per_second = " + shortest(info.frames_per_second) + "\n\n[camera]  # pixels; OpenCV's convention\n" +
          lens_toml(info.lens) +
          "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) + "\nid = [" +

@@ -30,6 +30,7 @@ struct SessionInfo {
   std::array<int, kPlates> marker_id{};  ///< top, middle, low
   double marker_size_mm = 0;             ///< side of the black square
   std::string description;               ///< what was recorded
+  bool complete = true;                  ///< false: the recording was cut off; its last frame may be half written
 };
 /// The lens of images of this size: keys fx_fy_cx_cy and k1_k2_p1_p2_k3 of a table, the same in session.toml, in a
 /// board file, and in a file of its own. Strict; width_px and height_px may stand beside them if they are the images'.
@@ -46,12 +47,13 @@ std::string session_info_toml(const SessionInfo& info);
 
 /// Reads frames.y4m (YUV4MPEG2 with Cmono, progressive, at most kMaxSide pixels wide and high) one frame at a time.
 /// Throws InputError with the byte position for anything malformed, and with the number of the frame (from 0) if it is
-/// cut.
+/// cut, unless it may be.
 class Y4mReader {
  public:
   static constexpr int kMaxSide = 4096;
 
-  explicit Y4mReader(const std::filesystem::path& file);
+  /// `may_be_cut`: a last frame that is not whole is the end, as of a recording that was cut off.
+  explicit Y4mReader(const std::filesystem::path& file, bool may_be_cut = false);
   ~Y4mReader();
   Y4mReader(const Y4mReader&) = delete;
   Y4mReader& operator=(const Y4mReader&) = delete;
@@ -63,6 +65,7 @@ class Y4mReader {
   /// Skips a frame without reading its pixels; false at the end of the file.
   bool skip();
   void rewind();
+  std::int64_t whole_frames() const;  ///< how many the file's size has room for
 
  private:
   std::string read_line(std::size_t longest);
@@ -74,12 +77,17 @@ class Y4mReader {
 
   std::FILE* file_ = nullptr;
   std::string name_;
+  bool may_be_cut_ = false;
   std::int64_t position_ = 0, first_frame_ = 0;
   std::int64_t frame_ = 0;  // number of the frame at position_
   std::int64_t frame_bytes_ = 0;
   int width_px_ = 0, height_px_ = 0;
   double frames_per_second_ = 0;
 };
+
+/// The text that frames.y4m begins with, and that before each frame's pixels.
+std::string y4m_header(int width_px, int height_px, double frames_per_second);
+inline constexpr std::string_view kY4mFrame = "FRAME\n";
 
 /// Writes frames.y4m; the file has its name only once finish() has put it on the disk, see AtomicFile. Throws
 /// std::system_error.

@@ -42,7 +42,8 @@ double ratio(std::string_view text) {
 
 }  // namespace
 
-Y4mReader::Y4mReader(const std::filesystem::path& file) : name_(file.string()) {
+Y4mReader::Y4mReader(const std::filesystem::path& file, bool may_be_cut)
+    : name_(file.string()), may_be_cut_(may_be_cut) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored)) throw InputError(name_, "no such file");
   file_ = std::fopen(name_.c_str(), "rbe");
@@ -140,6 +141,7 @@ void Y4mReader::read_parameter(std::string_view parameter, std::int64_t at) {
 
 bool Y4mReader::read_frame_header() {
   const std::int64_t start = position_;
+  if (may_be_cut_ && frame_ >= whole_frames()) return false;
   const std::string line = read_line(kLongestFrameHeader);
   if (position_ == start) return false;  // the file ends where a frame could begin
   if (line != "FRAME" && !line.starts_with("FRAME ")) {
@@ -172,6 +174,13 @@ bool Y4mReader::skip() {
   return true;
 }
 
+// A recording's frames have no parameters of their own, so all are of one size.
+std::int64_t Y4mReader::whole_frames() const {
+  struct stat status {};
+  if (fstat(fileno(file_), &status) != 0) return 0;
+  return (status.st_size - first_frame_) / (static_cast<std::int64_t>(kY4mFrame.size()) + frame_bytes_);
+}
+
 void Y4mReader::rewind() {
   if (fseeko(file_, first_frame_, SEEK_SET) != 0) {
     throw InputError(name_, std::string("cannot be read: ") + std::strerror(errno));
@@ -180,18 +189,22 @@ void Y4mReader::rewind() {
   frame_ = 0;
 }
 
-Y4mWriter::Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, double frames_per_second)
-    : file_(file), frame_bytes_(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px)) {
+std::string y4m_header(int width_px, int height_px, double frames_per_second) {
   // A ratio of whole numbers, to a millionth.
   const int under = frames_per_second == std::floor(frames_per_second) ? 1 : 1'000'000;
   char header[128];
   std::snprintf(header, sizeof header, "%s W%d H%d F%.0f:%d Ip A1:1 Cmono\n", kSignature.data(), width_px, height_px,
                 frames_per_second * under, under);
-  file_.write(header);
+  return header;
+}
+
+Y4mWriter::Y4mWriter(const std::filesystem::path& file, int width_px, int height_px, double frames_per_second)
+    : file_(file), frame_bytes_(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px)) {
+  file_.write(y4m_header(width_px, height_px, frames_per_second));
 }
 
 void Y4mWriter::write(const std::uint8_t* grey) {
-  file_.write("FRAME\n");
+  file_.write(kY4mFrame);
   file_.write({reinterpret_cast<const char*>(grey), frame_bytes_});
 }
 

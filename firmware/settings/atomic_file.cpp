@@ -33,6 +33,15 @@ void sync(const std::filesystem::path& path, int flags) {
   if (result != 0 && errno != EINVAL) throw_errno(path, "cannot be synced");
 }
 
+void write_all(int descriptor, std::string_view bytes, const std::filesystem::path& file) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) throw_errno(file, "cannot be written");
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+}
+
 void rename_durably(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (::rename(from.c_str(), to.c_str()) != 0) throw_errno(to, "cannot be renamed");
   sync_folder(folder_of(to));
@@ -60,23 +69,13 @@ void AtomicFile::write(std::string_view bytes) {
   if (bytes.size() < kBufferBytes) {
     buffer_.append(bytes);
   } else {
-    write_through(bytes.data(), bytes.size());
+    write_all(descriptor_, bytes, file_);
   }
 }
 
 void AtomicFile::flush() {
-  write_through(buffer_.data(), buffer_.size());
+  write_all(descriptor_, buffer_, file_);
   buffer_.clear();
-}
-
-void AtomicFile::write_through(const char* bytes, std::size_t count) {
-  while (count > 0) {
-    const ssize_t written = ::write(descriptor_, bytes, count);
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) fail("cannot be written");
-    bytes += written;
-    count -= static_cast<std::size_t>(written);
-  }
 }
 
 void AtomicFile::commit() {
@@ -84,6 +83,19 @@ void AtomicFile::commit() {
   if (::fsync(descriptor_) != 0) fail("cannot be synced");
   rename_durably(temporary_, file_);
   ::close(std::exchange(descriptor_, -1));
+}
+
+GrowingFile::GrowingFile(std::filesystem::path file) : file_(std::move(file)) {
+  descriptor_ = ::open(file_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+  if (descriptor_ < 0) throw_errno(file_, "cannot be created");
+}
+
+GrowingFile::~GrowingFile() { ::close(descriptor_); }
+
+void GrowingFile::write(std::string_view bytes) { write_all(descriptor_, bytes, file_); }
+
+void GrowingFile::sync() {
+  if (::fsync(descriptor_) != 0) throw_errno(file_, "cannot be synced");
 }
 
 void write_file_atomically(const std::filesystem::path& file, std::string_view bytes) {

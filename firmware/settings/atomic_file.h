@@ -1,4 +1,4 @@
-// Files that are there as a whole or not at all.
+// Files that are there as a whole or not at all; and files that grow, of which all that was written stays.
 #pragma once
 
 #include <cstddef>
@@ -25,11 +25,27 @@ class AtomicFile {
 
  private:
   void flush();
-  void write_through(const char* bytes, std::size_t count);
   [[noreturn]] void fail(const char* what) const;
 
   std::filesystem::path file_;
   std::string temporary_, buffer_;
+  int descriptor_ = -1;
+};
+
+/// A file that has its name from the start and grows: after a kill, or on a full disk, all that was written is there.
+/// Throws std::system_error naming the file.
+class GrowingFile {
+ public:
+  explicit GrowingFile(std::filesystem::path file);  ///< that does not exist yet
+  ~GrowingFile();
+  GrowingFile(const GrowingFile&) = delete;
+  GrowingFile& operator=(const GrowingFile&) = delete;
+
+  void write(std::string_view bytes);  ///< at once, without a buffer
+  void sync();
+
+ private:
+  std::filesystem::path file_;
   int descriptor_ = -1;
 };
 

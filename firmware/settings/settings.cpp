@@ -1,6 +1,7 @@
 #include "firmware/settings/settings.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <utility>
 
@@ -185,6 +186,9 @@ void read_network(TomlTable table, NetworkSettings& network) {
 void read_storage(TomlTable table, Settings& settings) {
   if (table.has("settings")) settings.saved_state = table.path("settings");
   if (table.has("recordings")) settings.recordings = table.path("recordings");
+  settings.record_max_s = static_cast<int>(table.integer("record_max_s", 1, 65535, settings.record_max_s));
+  settings.record_reserve_mb =
+      static_cast<int>(table.integer("record_reserve_mb", 0, 1'000'000, settings.record_reserve_mb));
   table.finish();
 }
 
@@ -215,6 +219,13 @@ Settings read_settings(const SettingsFiles& files) {
   if (root.has("gpio")) settings.gpio = read_gpio(root.table("gpio"));
   std::uint16_t& hold_ms = settings.loop.runtime[kHoldTime];
   hold_ms = static_cast<std::uint16_t>(root.integer("hold_time_ms", 0, setting_row(kHoldTime).highest, hold_ms));
+  const RegisterRow& lowpass = setting_row(kLowpass);
+  settings.loop.runtime[kLowpass] = static_cast<std::uint16_t>(
+      std::lround(root.number("lowpass_hz", 0, lowpass.highest * lowpass.scale, 0) / lowpass.scale));
+  const RegisterRow& grip_change = setting_row(kGripChange);
+  settings.loop.runtime[kGripChange] = static_cast<std::uint16_t>(std::lround(
+      root.number("grip_change", 0, grip_change.highest * grip_change.scale, grip_change.factory * grip_change.scale) /
+      grip_change.scale));
   settings.loop.smoothing_ms = static_cast<double>(root.integer("smoothing_ms", 0, 1000, 0));
   if (root.has("storage")) read_storage(root.table("storage"), settings);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);

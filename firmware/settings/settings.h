@@ -40,6 +40,8 @@ struct Settings {
   std::uint16_t write_key = kDefaultWriteKey;
   std::filesystem::path saved_state;  ///< what clients save; empty: nothing can be saved
   std::filesystem::path recordings;   ///< where sessions are recorded; empty: nowhere
+  int record_max_s = 600;             ///< a recording ends by itself after this
+  int record_reserve_mb = 100;        ///< room on the disk that recordings leave free
   RealtimeSettings realtime;
   NetworkSettings network;
 };

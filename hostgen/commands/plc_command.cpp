@@ -45,6 +45,7 @@ void update_tree(const fs::path& root) {
   rewrite_section(root / "scripts/finsightctl", "register table", finsightctl_table());
   rewrite_section(root / "firmware/modbus/README.md", "measurements", measurements_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "control", control_markdown());
+  rewrite_section(root / "firmware/modbus/README.md", "process", process_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "history", history_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "diagnostics", diagnostics_markdown());
 }

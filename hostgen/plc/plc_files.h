@@ -9,9 +9,10 @@
 
 namespace finsight::host {
 
-/// Markdown tables: the measurements; commands and settings; the history of commands; diagnostics.
+/// Markdown tables: the measurements; commands and settings; process helpers; the history of commands; diagnostics.
 std::string measurements_markdown(const RegisterTable& table = kRegisterTable);
 std::string control_markdown(const RegisterTable& table = kRegisterTable);
+std::string process_markdown(const RegisterTable& table = kRegisterTable);
 std::string history_markdown(const RegisterTable& table = kRegisterTable);
 std::string diagnostics_markdown(const RegisterTable& table = kRegisterTable);
 

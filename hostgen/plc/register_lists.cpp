@@ -52,28 +52,25 @@ namespace {
 
 std::string block_markdown(std::span<const RegisterRow> block) {
   std::ostringstream text;
-  text << "| address | name | type | scale | unit | |\n|---|---|---|---|---|---|\n";
+  text << "| address | reference | name | type | scale | unit | |\n|---|---|---|---|---|---|---|\n";
   for (const RegisterRow& row : block) {
     text << "| " << row.address;
     if (words_of(row.type) > 1) text << "-" << row.address + words_of(row.type) - 1;
-    text << " | `" << row.name << "` | " << name_of(row.type) << " | " << row.scale << " | " << row.unit << " | "
-         << full_description(row) << " |\n";
+    text << " | " << reference_of(row) << " | `" << row.name << "` | " << name_of(row.type) << " | " << row.scale
+         << " | " << row.unit << " | " << full_description(row) << " |\n";
   }
   return text.str();
 }
 
-}  // namespace
-
-std::string measurements_markdown(const RegisterTable& table) { return block_markdown(table.measurements); }
-std::string history_markdown(const RegisterTable& table) { return block_markdown(table.history); }
-std::string diagnostics_markdown(const RegisterTable& table) { return block_markdown(table.diagnostics); }
-
-std::string control_markdown(const RegisterTable& table) {
+/// Of a block with registers that may be written.
+std::string writable_markdown(std::span<const RegisterRow> rows) {
   std::ostringstream text;
-  text << "| address | name | scale | unit | writable values | factory | |\n|---|---|---|---|---|---|---|\n";
-  for (const RegisterRow& row : table.control) {
+  text << "| address | reference | name | type | scale | unit | writable values | factory | |\n"
+          "|---|---|---|---|---|---|---|---|---|\n";
+  for (const RegisterRow& row : rows) {
     if (is_reserved(row)) continue;
-    text << "| " << row.address << " | `" << row.name << "` | " << row.scale << " | " << row.unit << " | ";
+    text << "| " << row.address << " | " << reference_of(row) << " | `" << row.name << "` | " << name_of(row.type)
+         << " | " << row.scale << " | " << row.unit << " | ";
     if (row.writable) text << row.lowest << " ... " << row.highest;
     text << " | ";
     if (is_setting(row)) text << row.factory;
@@ -82,12 +79,20 @@ std::string control_markdown(const RegisterTable& table) {
   return text.str();
 }
 
+}  // namespace
+
+std::string measurements_markdown(const RegisterTable& table) { return block_markdown(table.measurements); }
+std::string control_markdown(const RegisterTable& table) { return writable_markdown(table.control); }
+std::string process_markdown(const RegisterTable& table) { return writable_markdown(table.process); }
+std::string history_markdown(const RegisterTable& table) { return block_markdown(table.history); }
+std::string diagnostics_markdown(const RegisterTable& table) { return block_markdown(table.diagnostics); }
+
 std::string registers_csv(const RegisterTable& table) {
   std::ostringstream text;
-  text << "address,name,type,scale,unit,access,lowest,highest,factory,description,invalid,values\r\n";
+  text << "address,reference,name,type,scale,unit,access,lowest,highest,factory,description,invalid,values\r\n";
   const auto add = [&](const RegisterRow& row) {
-    text << row.address << "," << row.name << "," << name_of(row.type) << "," << row.scale << "," << row.unit << ","
-         << (row.writable ? "read/write" : "read") << ",";
+    text << row.address << "," << reference_of(row) << "," << row.name << "," << name_of(row.type) << "," << row.scale
+         << "," << row.unit << "," << (row.writable ? "read/write" : "read") << ",";
     if (row.writable) text << row.lowest;
     text << ",";
     if (row.writable) text << row.highest;

@@ -96,6 +96,20 @@ TEST_CASE("commands: a zero of a touched finger is not possible") {
   CHECK((device.frame(resting(1)).words[0] & kZeroed) == 0);
 }
 
+TEST_CASE("commands: a tare takes one frame and is refused while its value is not valid; a zero clears it") {
+  constexpr std::size_t kState = 5, kDeformation = 11, kForce = 10;  // behind register 1110
+  Device device;
+  device.frame(resting(1));
+  CHECK(device.result_of(Command::kTareForce, resting(1)) == 1);  // no touch, no force
+  CHECK(device.result_of(Command::kTareDeformation, resting(1)) == 0);
+  const RegisterImage& image = device.frame(resting(1));
+  CHECK(image.process[kState] == bit_named("process_state", "deformation_tared"));
+  CHECK(image.process[kDeformation] == 0);
+  CHECK(image.process[kForce] == 0x8000);
+  CHECK(device.result_of(Command::kZero, resting(1)) == 0);
+  CHECK(device.frame(resting(1)).process[kState] == 0);
+}
+
 TEST_CASE("commands: without a folder for settings or recordings, saving and recording are not configured") {
   Device device;
   CHECK(device.result_of(Command::kSave, resting(0)) == 2);

@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include <mutex>
 #include <thread>
 
+#include "firmware/ports/camera.h"
 #include "tests/model/scratch_folder.h"
 
 using namespace finsight;
@@ -27,6 +29,8 @@ SessionInfo info() {
   info.marker_size_mm = 8;
   return info;
 }
+
+constexpr Recorder::Limits kNoLimits = {.longest_s = 100'000, .reserve_mb = 0};
 
 /// What the recorder asks of the system.
 struct Watch {
@@ -83,7 +87,7 @@ void add(Recorder& recorder, std::uint8_t n) {
 
 TEST_CASE("recorder: a recording is a session that can be replayed, with the registers beside it") {
   const test::ScratchFolder folder;
-  Recorder recorder(folder / "recordings", info());
+  Recorder recorder(folder / "recordings", info(), kNoLimits);
   add(recorder, 1);  // nothing is recorded yet
   for (int recording = 1; recording <= 2; ++recording) {
     recorder.start();
@@ -116,19 +120,19 @@ TEST_CASE("recorder: a recording is a session that can be replayed, with the reg
 TEST_CASE("recorder: the end of the program finishes the recording") {
   const test::ScratchFolder folder;
   {
-    Recorder recorder(folder.path(), info());
+    Recorder recorder(folder.path(), info(), kNoLimits);
     recorder.start();
     REQUIRE(settles(recorder));
     add(recorder, 7);
   }
   CHECK(std::filesystem::exists(folder / "session-0001" / kSessionFrames));
-  CHECK(std::filesystem::exists(folder / "session-0001" / kSessionInfo));
+  CHECK(read_session_info(folder / "session-0001").complete);
 }
 
 TEST_CASE("recorder: a folder that cannot be written is a failure, and the next attempt can succeed") {
   const test::ScratchFolder folder;
   folder.write("recordings", "a file");
-  Recorder recorder(folder / "recordings", info());
+  Recorder recorder(folder / "recordings", info(), kNoLimits);
   recorder.start();
   REQUIRE(settles(recorder));
   CHECK(recorder.state() == Recorder::State::kFailed);
@@ -140,7 +144,7 @@ TEST_CASE("recorder: a folder that cannot be written is a failure, and the next 
 
 TEST_CASE("recorder: when a recording is done, every file and its name are on the disk") {
   const test::ScratchFolder folder;
-  Recorder recorder(folder / "recordings", info());
+  Recorder recorder(folder / "recordings", info(), kNoLimits);
   recorder.start();
   REQUIRE(settles(recorder));
   add(recorder, 1);
@@ -159,10 +163,9 @@ TEST_CASE("recorder: when a recording is done, every file and its name are on th
   for (const char* file : {kSessionFrames, kSessionInfo, "registers.csv"}) {
     CAPTURE(file);
     CHECK(is_synced((session / file).string()));
-    CHECK(std::ranges::count(watch.renamed_to, (session / file).string()) == 1);
   }
-  CHECK(watch.renamed_to.back() == (session / kSessionInfo).string());  // a folder that has it is complete
-  CHECK(std::ranges::count(watch.synced, session.string()) >= 3);
+  CHECK(watch.renamed_to.back() == (session / kSessionInfo).string());  // says that the recording is complete
+  CHECK(watch.synced.front() == (session / kSessionFrames).string());   // ... so it comes after the frames
   CHECK(watch.synced.back() == (folder / "recordings").string());
 }
 
@@ -170,7 +173,7 @@ TEST_CASE("recorder: frames that a slow disk cannot take are left out and counte
   const test::ScratchFolder folder;
   SessionInfo large = info();  // larger than what is written at once
   large.lens.width_px = large.lens.height_px = 400;
-  Recorder recorder(folder.path(), large);
+  Recorder recorder(folder.path(), large, kNoLimits);
   recorder.start();
   REQUIRE(settles(recorder));
   delay_of_writes_ms = 20;
@@ -208,11 +211,80 @@ TEST_CASE("recorder: frames that a slow disk cannot take are left out and counte
   CHECK_FALSE(images.next(grey));
 }
 
-TEST_CASE(
-    "recorder: when the disk fails in mid-recording, the recording fails and is removed, and the next one can "
-    "succeed") {
+namespace {
+
+/// The frames that a replay of the session delivers; each must be whole.
+int replayed_frames(const std::filesystem::path& session) {
+  ReplaySettings replay;
+  replay.path = session;
+  replay.recorded_speed = false;
+  const auto camera = open_session_camera(replay);
+  int frames = 0;
+  for (Frame frame; camera->next(frame, 0); ++frames) {
+    const std::vector<std::uint8_t> grey(frame.grey, frame.grey + frame.width_px * frame.height_px);
+    CHECK(std::ranges::count(grey, grey[0]) == frame.width_px * frame.height_px);
+  }
+  CHECK(camera->error() == "");
+  return frames;
+}
+
+}  // namespace
+
+TEST_CASE("recorder: what a kill leaves can be replayed up to the last whole frame") {
   const test::ScratchFolder folder;
-  Recorder recorder(folder.path(), info());
+  const auto session = folder / "session-0001";
+  const pid_t child = fork();
+  if (child == 0) {
+    Recorder recorder(folder.path(), info(), kNoLimits);
+    recorder.start();
+    settles(recorder);
+    for (std::uint8_t n = 0; n < 20; ++n) {
+      add(recorder, n);
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    kill(getpid(), SIGKILL);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  REQUIRE(WIFSIGNALED(status));
+  CHECK_FALSE(read_session_info(session).complete);
+  CHECK(replayed_frames(session) == 20);
+  std::filesystem::resize_file(session / kSessionFrames, std::filesystem::file_size(session / kSessionFrames) - 3);
+  CHECK(replayed_frames(session) == 19);  // cut within a frame's pixels
+  std::filesystem::resize_file(session / kSessionFrames,
+                               std::filesystem::file_size(session / kSessionFrames) - (6 + 32 * 16 - 3) + 2);
+  CHECK(replayed_frames(session) == 19);  // cut within the line before them
+}
+
+TEST_CASE("recorder: a recording ends by itself, complete, at its greatest length and at the disk's reserve") {
+  const test::ScratchFolder folder;
+  for (const Recorder::Limits limits : {Recorder::Limits{.longest_s = 1, .reserve_mb = 0},
+                                        Recorder::Limits{.longest_s = 100, .reserve_mb = 1'000'000'000}}) {
+    Recorder recorder(folder.path(), info(), limits);
+    CHECK((recorder.mb_left() == 0) == (limits.reserve_mb > 0));
+    recorder.start();
+    REQUIRE(settles(recorder));
+    for (int n = 0; n < 90 && recorder.state() == Recorder::State::kRecording; ++n) {
+      add(recorder, static_cast<std::uint8_t>(n));
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    CHECK(recorder.state() == Recorder::State::kFull);
+    CHECK(recorder.seconds() == (limits.reserve_mb > 0 ? 0 : 1));
+    recorder.stop();
+    REQUIRE(settles(recorder));
+    CHECK(recorder.state() == Recorder::State::kFull);
+  }
+  CHECK(read_session_info(folder / "session-0001").complete);
+  CHECK(replayed_frames(folder / "session-0001") == 60);
+  CHECK(replayed_frames(folder / "session-0002") == 1);
+}
+
+TEST_CASE(
+    "recorder: when the disk fails in mid-recording, the recording fails, what was written can be replayed, and the "
+    "next one can succeed") {
+  const test::ScratchFolder folder;
+  Recorder recorder(folder.path(), info(), kNoLimits);
   const auto record = [&](int frames) {
     recorder.start();
     REQUIRE(settles(recorder));
@@ -235,10 +307,11 @@ TEST_CASE(
   recorder.stop();  // of a recording that has failed: it stays failed
   REQUIRE(settles(recorder));
   CHECK(recorder.state() == Recorder::State::kFailed);
-  CHECK(std::filesystem::is_empty(folder.path()));
+  CHECK_FALSE(read_session_info(folder / "session-0001").complete);
+  CHECK(replayed_frames(folder / "session-0001") == 192);  // of 32 x 16 pixels in 100,000 bytes
   record(3);
   recorder.stop();
   REQUIRE(settles(recorder));
   CHECK(recorder.state() == Recorder::State::kIdle);
-  CHECK(std::filesystem::exists(folder / "session-0001" / kSessionInfo));
+  CHECK(read_session_info(folder / "session-0002").complete);
 }

@@ -288,10 +288,16 @@ TEST_CASE("saved state: of a file of version 1 the settings are used, and its ze
   save(file, changed());
   std::string text = text_of(file);
   text.replace(text.find("version = 3"), 11, "version = 1");
+  const std::size_t newer = text.find("master_timeout = ");  // this setting and all behind it came with version 3
+  text.erase(newer, text.find("[zero]") - newer);
   folder.write("state.toml", text.substr(0, text.find("model = ")));
   const auto loaded = load(file);
   REQUIRE(loaded);
-  CHECK(loaded->state.settings == changed().settings);
+  RuntimeSettings expected = changed().settings;
+  for (int i = kMasterTimeout; i < kSettingCount; ++i) {
+    expected.words[static_cast<std::size_t>(i)] = setting_row(i).factory;
+  }
+  CHECK(loaded->state.settings == expected);
   CHECK_FALSE(loaded->state.zero);
   CHECK(loaded->problem.find("does not say with which model and mount") != std::string::npos);
 }

@@ -25,6 +25,7 @@ TEST_CASE("register README: its tables are those of the code") {
   const std::string readme = stored("firmware/modbus/README.md");
   CHECK_MESSAGE(with_section(readme, "measurements", measurements_markdown()) == readme, kHint);
   CHECK_MESSAGE(with_section(readme, "control", control_markdown()) == readme, kHint);
+  CHECK_MESSAGE(with_section(readme, "process", process_markdown()) == readme, kHint);
   CHECK_MESSAGE(with_section(readme, "history", history_markdown()) == readme, kHint);
   CHECK_MESSAGE(with_section(readme, "diagnostics", diagnostics_markdown()) == readme, kHint);
 }

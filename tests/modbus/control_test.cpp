@@ -78,7 +78,7 @@ TEST_CASE("control: a command starts when its number is written, and only once")
   CHECK(client.read(1003) == 3);
   CHECK(client.write(1001, {1}) == Exception::kNone);
   CHECK_FALSE(control.take_command());
-  CHECK(client.write(1000, {8, 2}) == Exception::kIllegalValue);
+  CHECK(client.write(1000, {99, 2}) == Exception::kIllegalValue);
   CHECK_FALSE(control.take_command());
   CHECK(client.read(1001) == 1);
 }

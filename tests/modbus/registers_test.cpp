@@ -61,7 +61,7 @@ TEST_CASE("registers: a touched finger encodes to words worked out by hand") {
       500,    1450,   675,                         // 11: level, displacements
       150,    0xFFE7, 1200,   573,    0xFB86, 57,  // 14: top plate, -25, -1146 = 0xFB86
       0x3FC0, 0x0000, 0xC010, 0x0000, 0x3F00, 0x0000, 0x4060, 0x0000, 0x4050, 0x0000, 0x7FC0, 0x0000,  // 20: floats
-      0x0001, 0x2345, 17,     4,      0xCAFE, 0xBABE, 2,      0x1234,   // 32: counters and constants
+      0x0001, 0x2345, 17,     4,      0xCAFE, 0xBABE, 3,      0x1234,   // 32: counters and constants
       250,    6000,   713,    2,      3,      0,      0x1234, 0x5678};  // 40: contact, shape source, limits, test
   const RegisterImage image = touched_finger().encoded();
   CHECK(std::vector<std::uint16_t>(image.words.begin(), image.words.end()) == expected);

@@ -40,7 +40,7 @@ class RewordedTable {
       ++b;
     }
   }
-  RegisterTable table() const { return {blocks_[0], blocks_[1], blocks_[2], blocks_[3]}; }
+  RegisterTable table() const { return {blocks_[0], blocks_[1], blocks_[2], blocks_[3], blocks_[4]}; }
 
  private:
   RegisterRow reworded(RegisterRow row) {
@@ -83,32 +83,33 @@ TEST_CASE("plc files: the CSV file has one line per register, without gap or ove
   std::istringstream csv(registers_csv());
   std::string line;
   REQUIRE(std::getline(csv, line));
-  CHECK(line == "address,name,type,scale,unit,access,lowest,highest,factory,description,invalid,values\r");
+  CHECK(line == "address,reference,name,type,scale,unit,access,lowest,highest,factory,description,invalid,values\r");
   int next = 0;
   while (std::getline(csv, line)) {
     CAPTURE(line);
     if (next == kMeasurementRegisters) next = kControlAddress;
-    if (next == kControlAddress + kControlRegisters) next = kHistoryAddress;
+    if (next == kControlAddress + kControlRegisters) next = kProcessAddress;
+    if (next == kProcessAddress + kProcessBlockRegisters) next = kHistoryAddress;
     if (next == kHistoryAddress + kHistoryRegisters) next = kDiagnosticsAddress;
     const bool is_wide = contains(line, ",uint32,") || contains(line, ",float32,");
-    CHECK(line.substr(0, line.find(',')) == std::to_string(next));
+    CHECK(line.starts_with(std::to_string(next) + "," + std::to_string(40001 + next) + ","));
     CHECK(line.ends_with("\r"));
     CHECK(std::count(line.begin(), line.end(), '"') == 2);
-    CHECK(std::count(line.begin(), line.begin() + static_cast<std::ptrdiff_t>(line.find('"')), ',') == 9);
+    CHECK(std::count(line.begin(), line.begin() + static_cast<std::ptrdiff_t>(line.find('"')), ',') == 10);
     CHECK(std::count(line.begin() + static_cast<std::ptrdiff_t>(line.rfind('"')), line.end(), ',') == 2);
     CHECK(std::all_of(line.begin(), line.end(), [](char c) { return c == '\r' || (c >= ' ' && c <= '~'); }));
     next += contains(line, ",text32,") ? 16 : is_wide ? 2 : 1;
   }
   CHECK(next == kDiagnosticsAddress + kDiagnosticsRegisters);
-  CHECK(contains(registers_csv(), "5,touch_x,int16,0.01,mm,read,,,,\""));
-  CHECK(contains(registers_csv(), "1016,hold_time,uint16,1,ms,read/write,0,10000,200,\""));
+  CHECK(contains(registers_csv(), "5,40006,touch_x,int16,0.01,mm,read,,,,\""));
+  CHECK(contains(registers_csv(), "1016,41017,hold_time,uint16,1,ms,read/write,0,10000,200,\""));
   CHECK(contains(registers_csv(), "-32768: not valid\",-32768,\r\n"));
   CHECK(contains(registers_csv(), "\",,0=contact;1=gentle;2=overload\r\n"));
 }
 
 TEST_CASE("plc files: finsightctl and Node-RED know names, limits and invalid values") {
   const std::string ctl = finsightctl_table(), flow = node_red_flow();
-  CHECK(contains(ctl, "13: \"camera_moved\"}),"));
+  CHECK(contains(ctl, "14: \"master_lost\"}),"));
   CHECK(contains(ctl, "Row(5, \"touch_x\", \"int16\", 0.01, \"mm\", True, None, {}),"));
   CHECK(contains(ctl, "Row(1016, \"hold_time\", \"uint16\", 1, \"ms\", False, (0, 10000), {}),"));
   CHECK_FALSE(contains(ctl, "13: \"over_temperature\""));
