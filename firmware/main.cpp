@@ -60,14 +60,16 @@ Arguments parse(int argc, char** argv) {
     const std::string word = argv[i];
     const auto option = std::find_if(std::begin(valued), std::end(valued), [&](auto& v) { return word == v.first; });
     if (option != std::end(valued)) {
-      if (i + 1 == argc || !*argv[i + 1]) throw InputError(word, "needs a value (try --help)");
+      const bool has_value = i + 1 < argc && *argv[i + 1] && std::strncmp(argv[i + 1], "--", 2) != 0;
+      if (!has_value) throw InputError(word, "needs a value (try --help)");
       *option->second = argv[++i];
     } else if (word == "--check") {
       arguments.check = true;
     } else if (word == "--safe-outputs") {
       arguments.safe_outputs = true;
     } else {
-      throw InputError("\"" + word + "\"", "unknown option (try --help)");
+      throw InputError("\"" + word + "\"", word.starts_with("-") ? "unknown option (try --help)"
+                                                               : "belongs to no option (try --help)");
     }
   }
   if (arguments.settings.empty()) throw InputError("--settings", "is missing (try --help)");
@@ -154,8 +156,10 @@ int start(const Arguments& arguments) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc == 2 && std::strcmp(argv[1], "--help") == 0) return std::fputs(kUsage, stdout) < 0;
-  if (argc == 2 && std::strcmp(argv[1], "--version") == 0) return std::puts("finsightd " FINSIGHT_VERSION) < 0;
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--help") == 0) return std::fputs(kUsage, stdout) < 0;
+    if (std::strcmp(argv[i], "--version") == 0) return std::puts("finsightd " FINSIGHT_VERSION) < 0;
+  }
   const auto request_stop = [](int) { stop_requested = true; };
   std::signal(SIGINT, request_stop);
   std::signal(SIGTERM, request_stop);

@@ -28,6 +28,9 @@ void write_plc_files(const fs::path& folder) {
   write(folder / "registers.csv", registers_csv());
   write(folder / "Finsight.st", structured_text());
   write(folder / "Finsight.scl", siemens_scl());
+  write(folder / "Finsight.L5X", rockwell_l5x());
+  write(folder / "Finsight.kepware.csv", kepware_csv());
+  write(folder / "Finsight.ignition.csv", ignition_csv());
   write(folder / "Finsight.node-red.json", node_red_flow());
 }
 
@@ -53,10 +56,11 @@ void update_tree(const fs::path& root) {
 }  // namespace
 
 void add_plc_command(CLI::App& app) {
-  CLI::App* command = app.add_subcommand(
-      "plc", "Writes the register table for PLCs: registers.csv, Finsight.st, Finsight.scl, Finsight.node-red.json");
+  CLI::App* command = app.add_subcommand("plc",
+                                         "Writes the register table for PLCs: registers.csv, Finsight.st, .scl, .L5X, "
+                                         ".kepware.csv, .ignition.csv, .node-red.json");
   const auto folder = std::make_shared<std::string>(), root = std::make_shared<std::string>();
-  auto* const to_folder = command->add_option("FOLDER", *folder, "folder for the four files");
+  auto* const to_folder = command->add_option("FOLDER", *folder, "folder for the seven files");
   auto* const to_tree = command->add_option(
       "--tree", *root, "instead: a source tree, in which finsightctl's table and the README's are rewritten, too");
   to_folder->excludes(to_tree);

@@ -24,9 +24,16 @@ std::string registers_csv(const RegisterTable& table = kRegisterTable);
 /// the command handshake.
 std::string structured_text(const RegisterTable& table = kRegisterTable);
 
-/// SCL source for Siemens TIA Portal: a data type, a data block that the Modbus client fills, and the function that
-/// scales it.
+/// SCL source for Siemens TIA Portal: a data type, a data block that the Modbus client fills, the function blocks for
+/// scaling and commands, and an example with MB_CLIENT.
 std::string siemens_scl(const RegisterTable& table = kRegisterTable);
+
+/// An Add-On Instruction for Rockwell's Logix controllers, as Studio 5000 exports one.
+std::string rockwell_l5x(const RegisterTable& table = kRegisterTable);
+
+/// Tags for Kepware (CSV import below a Modbus device) and Ignition (CSV import of tags; device name Finsight).
+std::string kepware_csv(const RegisterTable& table = kRegisterTable);
+std::string ignition_csv(const RegisterTable& table = kRegisterTable);
 
 /// A Node-RED flow (node-red-contrib-modbus) that reads and scales the measurements, unlocks, and writes a setting.
 std::string node_red_flow(const RegisterTable& table = kRegisterTable);

@@ -62,6 +62,9 @@ TEST_CASE("plc files: those of the repository are the code's (build/host/hostgen
   CHECK(stored("registers.csv") == registers_csv());
   CHECK(stored("Finsight.st") == structured_text());
   CHECK(stored("Finsight.scl") == siemens_scl());
+  CHECK(stored("Finsight.L5X") == rockwell_l5x());
+  CHECK(stored("Finsight.kepware.csv") == kepware_csv());
+  CHECK(stored("Finsight.ignition.csv") == ignition_csv());
   CHECK(stored("Finsight.node-red.json") == node_red_flow());
 }
 
@@ -73,6 +76,9 @@ TEST_CASE("plc files: rewording a description changes comments and nothing else"
   CHECK(without(structured_text(table), st_comment) == without(structured_text(), st_comment));
   REQUIRE(siemens_scl(table) != siemens_scl());
   CHECK(without(siemens_scl(table), scl_comment) == without(siemens_scl(), scl_comment));
+  const std::string l5x_description = R"(<Description><!\[CDATA\[[^\]]*)";
+  REQUIRE(rockwell_l5x(table) != rockwell_l5x());
+  CHECK(without(rockwell_l5x(table), l5x_description) == without(rockwell_l5x(), l5x_description));
   REQUIRE(registers_csv(table) != registers_csv());
   CHECK(without(registers_csv(table), csv_description) == without(registers_csv(), csv_description));
   CHECK(node_red_flow(table) == node_red_flow());
@@ -121,12 +127,12 @@ TEST_CASE("plc files: finsightctl and Node-RED know names, limits and invalid va
 
 TEST_CASE("plc files: a PLC's code scales and checks every kind of value") {
   const std::string st = structured_text(), scl = siemens_scl();
-  CHECK(contains(st, "  contact := (words[0] AND WORD#16#4) <> WORD#16#0;"));
-  CHECK(contains(st, "  any_fault := (words[0] AND WORD#16#8000) <> WORD#16#0;"));
-  CHECK(contains(st, "  limits_gentle := (words[44] AND WORD#16#2) <> WORD#16#0;"));
-  CHECK(contains(st, "  touch_x_valid := words[5] <> WORD#16#8000;"));
+  CHECK(contains(st, "  contact := alive AND ((words[0] AND WORD#16#4) <> WORD#16#0);"));
+  CHECK(contains(st, "  any_fault := alive AND ((words[0] AND WORD#16#8000) <> WORD#16#0);"));
+  CHECK(contains(st, "  limits_gentle := alive AND ((words[44] AND WORD#16#2) <> WORD#16#0);"));
+  CHECK(contains(st, "  touch_x_valid := alive AND (words[5] <> WORD#16#8000);"));
   CHECK(contains(st, "touch_x_mm := INT_TO_REAL(WORD_TO_INT(words[5])) * 0.01;"));
-  CHECK(contains(st, "  force_valid := words[9] <> WORD#16#FFFF;"));
+  CHECK(contains(st, "  force_valid := alive AND (words[9] <> WORD#16#FFFF);"));
   CHECK(contains(st, "force_n := UINT_TO_REAL(WORD_TO_UINT(words[9])) * 0.01;"));
   CHECK(contains(st, "temperature_real_degc := FC_FinsightReal(pair_30);"));
   CHECK(contains(st, "frame_counter := DWORD_TO_UDINT(pair_32);"));

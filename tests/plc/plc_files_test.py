@@ -1,0 +1,113 @@
+#!/usr/bin/python3
+"""The files for PLCs as their users' programs read them: XML, CSV, and source code that says what Finsight.st says.
+
+usage: plc_files_test.py [unittest arguments]
+"""
+import csv
+import re
+import unittest
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+FOLDER = Path(__file__).resolve().parents[2] / "hostgen" / "plc"
+ST_WORDS = {"IF", "THEN", "ELSE", "ELSIF", "END_IF", "AND", "OR", "NOT", "COP", "TONR", "PRE", "TimerEnable", "DN"}
+
+
+def table():
+    with open(FOLDER / "registers.csv", newline="") as file:
+        return [row for row in csv.DictReader(file) if not row["name"].startswith("reserved")]
+
+
+def body_of(text, block):
+    """What stands between the last END_VAR (or BEGIN) of a function block and its end, as words."""
+    unit = re.search(rf'FUNCTION_BLOCK "?{block}"?\n(.*?)END_FUNCTION_BLOCK', text, re.S).group(1)
+    return " ".join(re.split(r"END_VAR\n(?:BEGIN\n)?", unit)[-1].split())
+
+
+class Rockwell(unittest.TestCase):
+    def setUp(self):
+        self.root = ElementTree.parse(FOLDER / "Finsight.L5X").getroot()
+        self.instruction = self.root.find("./Controller/AddOnInstructionDefinitions/AddOnInstructionDefinition")
+        self.parameters = {p.get("Name"): p for p in self.instruction.find("Parameters")}
+        self.locals = {t.get("Name"): t for t in self.instruction.find("LocalTags")}
+
+    def test_the_export_names_its_target(self):
+        self.assertEqual(self.root.tag, "RSLogix5000Content")
+        self.assertEqual(self.root.get("TargetType"), "AddOnInstructionDefinition")
+        self.assertEqual(self.root.get("TargetName"), self.instruction.get("Name"))
+        self.assertEqual(self.instruction.get("Use"), "Target")
+
+    def test_every_measurement_is_a_parameter(self):
+        variables = set(re.findall(r"^  (\w+) : \w+;", (FOLDER / "Finsight.st").read_text().split("FB_Finsight\n")[1]
+                                   .split("VAR_OUTPUT")[1].split("END_VAR")[0], re.M))
+        self.assertGreater(len(variables), 80)
+        self.assertEqual(variables - set(self.parameters), set())
+
+    def test_names_and_types_are_what_a_controller_takes(self):
+        names = [*self.parameters, *self.locals]
+        self.assertEqual(len({name.lower() for name in names}), len(names), "names differ by more than their case")
+        for name in names:
+            self.assertRegex(name, r"^[A-Za-z]\w{0,39}$")
+            self.assertNotRegex(name, "__|_$")
+        for name, parameter in self.parameters.items():
+            self.assertIn(parameter.get("Usage"), ("Input", "Output", "InOut"), name)
+            self.assertIn(parameter.get("DataType"), ("BOOL", "INT", "DINT", "REAL"), name)
+            if parameter.get("Dimensions"):
+                self.assertEqual(parameter.get("Usage"), "InOut", name)
+            elif not name.startswith("Enable"):
+                value = parameter.find("./DefaultData[@Format='Decorated']/DataValue")
+                self.assertEqual(value.get("DataType"), parameter.get("DataType"), name)
+
+    def test_the_logic_uses_declared_names_and_every_output_is_assigned(self):
+        lines = self.instruction.findall("./Routines/Routine[@Type='ST']/STContent/Line")
+        self.assertEqual([int(line.get("Number")) for line in lines], list(range(len(lines))))
+        code = "\n".join(re.sub("//.*", "", line.text or "") for line in lines)
+        used = set(re.findall(r"(?<![#\w])[A-Za-z]\w*", re.sub(r"16#[0-9A-Fa-f_]+", "0", code)))
+        self.assertEqual(used - set(self.parameters) - set(self.locals) - ST_WORDS, set())
+        self.assertEqual(len(re.findall(r"\bIF\b", code)), code.count("END_IF;"))
+        for name, parameter in self.parameters.items():
+            if parameter.get("Usage") == "Output" and name != "EnableOut":
+                self.assertRegex(code, rf"\b{name} := ")
+
+
+class Siemens(unittest.TestCase):
+    def test_its_blocks_do_what_those_of_structured_text_do(self):
+        st, scl = (FOLDER / "Finsight.st").read_text(), (FOLDER / "Finsight.scl").read_text()
+        for ours, theirs in (("FB_Finsight", "Finsight_FB"), ("FB_FinsightCommand", "Finsight_Command")):
+            body = body_of(scl, theirs).replace("#values.", "").replace("#", "")
+            body = re.sub(r"SHL\(IN := (.*?), N := 16\)", r"SHL(\1, 16)", body)
+            body = body.replace("DWORD_TO_REAL(", "FC_FinsightReal(")
+            self.assertEqual(body, body_of(st, ours).replace("#", ""))
+
+
+class TagLists(unittest.TestCase):
+    def rows(self, name):
+        with open(FOLDER / name, newline="") as file:
+            return list(csv.DictReader(file))
+
+    def test_kepware_has_every_register_and_bit(self):
+        rows = {row["Tag Name"]: row for row in self.rows("Finsight.kepware.csv")}
+        for register in table():
+            row = rows.pop(register["name"])
+            self.assertEqual(row["Address"].split(".")[0], str(400001 + int(register["address"])))
+            self.assertEqual(row["Client Access"], "R/W" if register["access"] == "read/write" else "RO")
+            if register["scale"] != "1":
+                self.assertEqual(float(row["Scaled High"]) / float(row["Raw High"]), float(register["scale"]))
+        self.assertEqual({row["Data Type"] for row in rows.values()}, {"Boolean"})
+
+    def test_ignition_has_every_register_and_bit(self):
+        rows = {row["Name"]: row for row in self.rows("Finsight.ignition.csv")}
+        for register in table():
+            item = re.fullmatch(r"\[Finsight\](HR[USIF]*)(\d+)(?::32)?", rows.pop(register["name"])["OPCItemPath"])
+            self.assertEqual(int(item[2]), int(register["address"]) + 1)
+            self.assertEqual(item[1], {"uint16": "HRUS", "int16": "HR", "uint32": "HRUI", "float32": "HRF",
+                                       "text32": "HRS"}[register["type"]])
+        self.assertEqual({row["DataType"] for row in rows.values()}, {"6"})
+
+    def test_references_are_counted_from_40001(self):
+        for register in table():
+            self.assertEqual(int(register["reference"]), 40001 + int(register["address"]))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
