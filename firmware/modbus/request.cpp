@@ -58,7 +58,7 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
   const std::span<std::uint16_t> words(buffer.data(), static_cast<std::size_t>(quantity));
   if (address < kMeasurementRegisters) {
     std::copy_n(device.image.words.begin() + address, quantity, words.begin());
-  } else if (!is_in_control(address, quantity)) {
+  } else if (!is_in_control(address, quantity) && !is_in(kProcessAddress, kProcessBlockRegisters, address, quantity)) {
     std::ranges::fill(words, 0);  // history and diagnostics, in the next commits
   } else {
     device.control.read(address, words, access, device.now_ns);

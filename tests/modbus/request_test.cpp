@@ -20,6 +20,8 @@ Bytes answer(const Bytes& request) {
   DeviceView device{{}, control, 0};
   for (std::size_t i = 0; i < device.image.words.size(); ++i)
     device.image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
+  for (std::size_t i = 0; i < device.image.process.size(); ++i)
+    device.image.process[i] = static_cast<std::uint16_t>(0x2000 + i);
   const ClientAccess access{.may_write = true};
   control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
   std::array<std::uint8_t, kMaxPdu> reply{};
@@ -78,6 +80,19 @@ TEST_CASE("request: a read succeeds exactly when the Modbus specification allows
     }
   }
   CHECK(wrong == 0);
+}
+
+TEST_CASE("request: settings and values of the process helpers are read together") {
+  const Bytes reply = answer(read_request(3, kProcessAddress, kProcessBlockRegisters));
+  REQUIRE(reply.size() == 2 + 2 * kProcessBlockRegisters);
+  const auto word = [&](int address) {
+    const std::size_t at = 2 + 2 * static_cast<std::size_t>(address - kProcessAddress);
+    return reply[at] << 8 | reply[at + 1];
+  };
+  CHECK(word(1101) == setting_row(kGripChange).factory);
+  CHECK(word(1102) == 0);
+  CHECK(word(kProcessValueAddress) == 0x2000);
+  CHECK(word(1134) == 0x2018);
 }
 
 TEST_CASE("request: every other function code gets exception 1, whatever follows it") {
