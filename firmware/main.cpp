@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "firmware/device/identity.h"
 #include "firmware/device/log.h"
 #include "firmware/device/network_file.h"
 #include "firmware/device/realtime.h"
@@ -107,11 +108,14 @@ int measure(const Arguments& arguments, const Settings& settings) {
   const int timeout_ms = frame_timeout_ms(settings);
   Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved.state,
                     std::int64_t{1'000'000} * timeout_ms);
+  control.identify(identity_of(settings, model));
+  const Thermometer thermometer(control);
+  Health health(control);
   ModbusServer server(settings.modbus, control, log_message);
   log_message("Modbus TCP on " + settings.modbus.address + ":" + std::to_string(server.port()));
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
-  const Device device{source, loop, commands, server, outputs, log, recorder ? &*recorder : nullptr};
+  const Device device{source, loop, commands, server, outputs, log, health, recorder ? &*recorder : nullptr};
   if (!run_loop(device, timeout_ms, stop_requested)) {
     throw std::runtime_error("gpio: the outputs can no longer be set");
   }

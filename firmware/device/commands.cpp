@@ -41,6 +41,7 @@ void Commands::poll() {
     if (is_ordered_) control_.finish(*result);
   }
   loop_.show_unsaved(zero_changed_ || settings_ != saved_.settings);
+  loop_.show_master_lost(control_.is_master_lost(steady_now_ns()));
   if (recorder_) {
     control_.show_recording(static_cast<std::uint16_t>(recorder_->state()), recorder_->seconds(), recorder_->mb_left());
   }

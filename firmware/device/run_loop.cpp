@@ -22,18 +22,22 @@ bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomi
     Sample sample;
     const bool has_frame = source.next(sample, timeout_ms);
     if (!has_frame && source.ended()) return true;
+    const std::int64_t now_ns = steady_now_ns();
     device.commands.poll();
     if (device.outputs.trigger_rises()) device.commands.trigger();
-    const std::int64_t now_ns = steady_now_ns();
     const RegisterImage& image = has_frame ? device.loop.step(sample) : device.loop.step_without_frame(now_ns);
     device.server.publish(image);
     // A search for a missing camera is a sign of life, too: a restart would not find it, only disconnect the clients.
     const std::uint32_t before = std::exchange(openings, source.counts().openings);
     if (has_frame || openings != before) supervisor.alive(now_ns, has_frame);
     if (!device.outputs.set(image, device.loop.state().settings)) return false;
-    if (!has_frame) continue;
-    device.log.add(image);
-    record(device.recorder, sample, image);
+    if (has_frame) {
+      device.log.add(image);
+      record(device.recorder, sample, image);
+    }
+    const LoopState& state = device.loop.state();
+    device.health.note(image, has_frame, now_ns, steady_now_ns(),
+                       {state.frames, state.dropped_frames, source.counts().losses});
   }
   return true;
 }

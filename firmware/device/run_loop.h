@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "firmware/device/commands.h"
+#include "firmware/device/health.h"
 #include "firmware/device/outputs.h"
 #include "firmware/device/register_log.h"
 #include "firmware/device/source.h"
@@ -20,6 +21,7 @@ struct Device {
   ModbusServer& server;
   DigitalOutputs& outputs;
   RegisterLog& log;
+  Health& health;
   Recorder* recorder;  ///< may be null
 };
 

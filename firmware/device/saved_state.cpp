@@ -50,8 +50,8 @@ std::string text_of(const SavedState& state, const ZeroBasis& basis) {
 RuntimeSettings read_settings_table(TomlTable table, std::int64_t version) {
   RuntimeSettings settings;
   for (int i = 0; i < kSettingCount; ++i) {
-    if (version <= kVersionOfFewerSettings && i > kLastOfFewerSettings) break;
     const RegisterRow& row = setting_row(i);
+    if (version <= kVersionOfFewerSettings && i > kLastOfFewerSettings && !table.has(row.name)) continue;
     settings.words[static_cast<std::size_t>(i)] =
         static_cast<std::uint16_t>(table.integer(row.name, row.lowest, row.highest));
   }

@@ -81,6 +81,7 @@ void FrameLoop::judge(const Observation& seen, const FingerShape& shape, const T
   if (touch.quality != Quality::kInvalid || touch.over_range) zeroing_.cancel();  // a touched finger is not at rest
   state_.camera_fault = seen.image_fault == ImageFault::kMissing || seen.image_fault == ImageFault::kFrozen;
   state_.fault = fault_of(seen, hold_.is_over(), shape, lasting_fault_);
+  if (state_.fault == FaultCode::kNone && master_lost_) state_.fault = FaultCode::kMasterLost;
   state_.zeroed = zeroing_.zero().has_value();
   state_.limits = next_threshold_state(state_.limits, shape, touch, state_.rated_deformation_mm, state_.settings);
 }

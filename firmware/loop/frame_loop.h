@@ -51,6 +51,8 @@ class FrameLoop {
   void show_unsaved(bool unsaved) { state_.settings_unsaved = unsaved; }
   /// Stays, where the frame itself has no other fault, until it is set to kNone.
   void set_lasting_fault(FaultCode fault) { lasting_fault_ = fault; }
+  /// From the next frame on: fault 14, where there is no other.
+  void show_master_lost(bool lost) { master_lost_ = lost; }
 
   const StageTimes& times() const { return times_; }
   const LoopState& state() const { return state_; }
@@ -75,6 +77,7 @@ class FrameLoop {
   TouchStage touch_;
   ProcessValues process_;
   FaultCode lasting_fault_ = FaultCode::kNone;
+  bool master_lost_ = false;
   std::uint32_t last_sequence_ = 0;
   LoopState state_;
   StageTimes times_;

@@ -1,41 +1,83 @@
 #include "firmware/modbus/control.h"
 
 #include <algorithm>
+#include <array>
 
 namespace finsight {
 
 namespace {
 
-bool is_writable(int first, std::size_t count) {
+bool is_in(int block, int registers, int first, int count) {
+  return first >= block && first + count <= block + registers;
+}
+
+bool is_in_control(int first, int count) {
+  return is_in(kControlAddress, kControlRegisters, first, count) ||
+         is_in(kProcessAddress, kProcessBlockRegisters, first, count);
+}
+
+/// Writable registers that mean something of their own are written alone; command and number only together.
+bool may_be_written(int first, std::size_t count) {
+  if (!is_in_control(first, static_cast<int>(count))) return false;
   const auto* row = &control_row(first);
-  return std::all_of(row, row + count, [](const RegisterRow& r) { return r.writable; });
+  if (!std::all_of(row, row + count, [](const RegisterRow& r) { return r.writable; })) return false;
+  if (first == kCommandRegister) return count == 2;
+  return first >= kFirstSettingRegister || (first != kSequenceRegister && count == 1);
 }
 
 }  // namespace
 
+bool Control::has_registers(int first, int count) {
+  return is_in_control(first, count) || is_in(kHistoryAddress, kHistoryRegisters, first, count) ||
+         is_in(kDiagnosticsAddress, kDiagnosticsRegisters, first, count);
+}
+
 void Control::read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns) {
   const std::lock_guard lock(mutex_);
-  for (std::size_t i = 0; i < words.size(); ++i) words[i] = word(first + static_cast<int>(i), access, now_ns);
+  settle();
+  const auto copy = [&](const auto& block, int address) {
+    std::copy_n(block.begin() + (first - address), words.size(), words.begin());
+  };
+  if (first >= kDiagnosticsAddress) {
+    std::array<std::uint16_t, kDiagnosticsRegisters> block;
+    write_diagnostics(counts_, health_.read(), identity_, processor_temperature_degc_, started_ns_, now_ns,
+                      has_low_word_first(settings_), block);
+    copy(block, kDiagnosticsAddress);
+  } else if (first >= kHistoryAddress) {
+    std::array<std::uint16_t, kHistoryRegisters> block;
+    read_history(block, access, now_ns);
+    copy(block, kHistoryAddress);
+  } else {
+    for (std::size_t i = 0; i < words.size(); ++i) words[i] = word(first + static_cast<int>(i), access, now_ns);
+  }
+}
+
+void Control::read_history(std::span<std::uint16_t, kHistoryRegisters> words, const ClientAccess& access,
+                           std::int64_t now_ns) const {
+  history_.write_registers(words, access, exclusive_client(now_ns), has_low_word_first(settings_));
 }
 
 std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_t now_ns) const {
-  const std::uint32_t result = result_;
   constexpr std::int64_t kSecond_ns = 1'000'000'000;
   switch (address) {
     case kCommandRegister:
-      return command_;
+      return history_.last_given().command;
     case kSequenceRegister:
-      return sequence_;
+      return history_.last_given().sequence;
     case kResultSequenceRegister:
-      return static_cast<std::uint16_t>(result >> 16);
+      return history_.last_finished().sequence;
     case kResultRegister:
-      return static_cast<std::uint16_t>(result);
+      return history_.last_finished().result;
     case kKeyRegister: {
-      const std::int64_t left_ns = std::max<std::int64_t>(unlocked_until_ns(access.address) - now_ns, 0);
+      const std::int64_t left_ns = std::max<std::int64_t>(lock_.unlocked_until_ns(access.address) - now_ns, 0);
       return static_cast<std::uint16_t>((left_ns + kSecond_ns - 1) / kSecond_ns);
     }
     case kRecordingRegister:
       return recording_;
+    case kRefreshRegister:
+      return refresh_;
+    case kExclusiveRegister:
+      return exclusive_client(now_ns) != kNobody;
     case address_of("recording_s"):
       return recording_s_;
     case address_of("recording_mb_left"):
@@ -47,52 +89,107 @@ std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_
   }
 }
 
-std::int64_t Control::unlocked_until_ns(std::uint32_t client) const {
-  const auto found = std::ranges::find(unlocked_, client, &Unlocked::client);
-  return found == unlocked_.end() ? 0 : found->until_ns;
+std::uint32_t Control::exclusive_client(std::int64_t now_ns) const {
+  return lock_.is_unlocked(exclusive_client_, now_ns) ? exclusive_client_ : kNobody;
 }
 
-Exception Control::write_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns) {
-  auto place = std::ranges::find(unlocked_, client, &Unlocked::client);
-  if (place == unlocked_.end()) place = std::ranges::min_element(unlocked_, {}, &Unlocked::until_ns);
-  *place = {client, key == key_ ? now_ns + kUnlocked_ns : 0};
-  return key == key_ ? Exception::kNone : Exception::kIllegalValue;
+/// Takes over the result that the frame loop has left.
+void Control::settle() {
+  if (history_.is_running() && !busy_) history_.finish(result_);
 }
 
-// The new state is a copy that takes effect only after it has been checked as a whole.
 Exception Control::write(int first, std::span<const std::uint16_t> words, const ClientAccess& access,
                          std::int64_t now_ns) {
-  if (!is_writable(first, words.size())) return Exception::kIllegalAddress;
-  if (!access.may_write) return Exception::kIllegalFunction;
+  if (!may_be_written(first, words.size())) return Exception::kIllegalAddress;
+  if (!access.may_write) return Exception::kLocked;
   const std::lock_guard lock(mutex_);
-  if (first == kKeyRegister) return write_key(words[0], access.address, now_ns);
-  if (now_ns >= unlocked_until_ns(access.address)) return Exception::kIllegalFunction;
-  RuntimeSettings settings = settings_;
-  std::uint16_t command = command_, sequence = sequence_;
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    const int address = first + static_cast<int>(i);
-    std::uint16_t& target = address == kCommandRegister ? command
-                            : address == kSequenceRegister
-                                ? sequence
-                                : settings.words[static_cast<std::size_t>(setting_at(address))];
-    target = words[i];
+  settle();
+  if (first == kKeyRegister) return write_key(words[0], access, now_ns);
+  if (!lock_.renew(access.address, now_ns)) return Exception::kLocked;
+  const std::uint32_t exclusive = exclusive_client(now_ns);
+  if (exclusive != kNobody && exclusive != access.address) return Exception::kBusy;
+  if (first == kExclusiveRegister) return write_exclusive(words[0], access, now_ns);
+  if (first == kRefreshRegister) {
+    refresh_ = words[0];
+    refreshed_ns_ = now_ns;
+    return Exception::kNone;
   }
-  // A client that has lost the answer repeats its request, which must not start the command a second time.
-  if (settings == settings_ && command == command_ && sequence == sequence_) return Exception::kNone;
-  if (busy_) return Exception::kBusy;
-  if (command > control_row(kCommandRegister).highest || !are_valid(settings)) return Exception::kIllegalValue;
+  if (first == kCommandRegister) return write_command(words[0], words[1], access, now_ns);
+  return write_settings(first, words);
+}
 
-  command_ = command;
-  sequence_ = sequence;
-  const bool starts = sequence != static_cast<std::uint16_t>(result_ >> 16);
-  if (starts && static_cast<Command>(command) == Command::kFactory) settings = factory_;
-  if (settings != settings_) to_loop_.publish(settings_ = settings);
-  if (starts) {
-    running_sequence_ = sequence;
-    busy_ = true;
-    pending_ = command;
+Exception Control::write_key(std::uint16_t key, const ClientAccess& access, std::int64_t now_ns) {
+  const Exception answer = lock_.try_key(key, access.address, now_ns);
+  if (answer == Exception::kIllegalValue) {
+    ++counts_.wrong_keys;
+    counts_.wrong_key_client = access.address;
   }
+  return answer;
+}
+
+Exception Control::write_exclusive(std::uint16_t on, const ClientAccess& access, std::int64_t) {
+  if (on > control_row(kExclusiveRegister).highest) return Exception::kIllegalValue;
+  exclusive_client_ = on ? access.address : kNobody;
   return Exception::kNone;
+}
+
+Exception Control::write_command(std::uint16_t command, std::uint16_t sequence, const ClientAccess& access,
+                                 std::int64_t now_ns) {
+  if (command > control_row(kCommandRegister).highest || sequence == 0) return Exception::kIllegalValue;
+  const CommandHistory::Number number = history_.judge(sequence, command, access, now_ns);
+  // A client that has lost the answer repeats its request, which must not start the command a second time.
+  if (number == CommandHistory::Number::kRepeated) return Exception::kNone;
+  if (number == CommandHistory::Number::kUsed) return Exception::kIllegalValue;
+  if (history_.is_running()) return Exception::kBusy;
+  if (static_cast<Command>(command) == Command::kFactory) to_loop_.publish(settings_ = factory_);
+  history_.begin(sequence, command, access, now_ns);
+  busy_ = true;
+  pending_ = command;
+  return Exception::kNone;
+}
+
+// The new settings are a copy that takes effect only after it has been checked as a whole.
+Exception Control::write_settings(int first, std::span<const std::uint16_t> words) {
+  RuntimeSettings settings = settings_;
+  std::ranges::copy(words, settings.words.begin() + setting_at(first));
+  if (settings == settings_) return Exception::kNone;
+  if (history_.is_running()) return Exception::kBusy;
+  if (!are_valid(settings)) return Exception::kIllegalValue;
+  to_loop_.publish(settings_ = settings);
+  return Exception::kNone;
+}
+
+RuntimeSettings Control::settings_copy() {
+  const std::lock_guard lock(mutex_);
+  return settings_;
+}
+
+void Control::connection_closed(std::uint64_t connection, std::uint64_t next) {
+  const std::lock_guard lock(mutex_);
+  history_.connection_closed(connection, next);
+}
+
+void Control::count_answer(Exception answer) {
+  const std::lock_guard lock(mutex_);
+  ++counts_.requests;
+  if (answer != Exception::kNone) ++counts_.exceptions[static_cast<std::size_t>(answer)];
+}
+
+void Control::count_connection(Arrival arrival) {
+  const std::lock_guard lock(mutex_);
+  counts_.refused += arrival == Arrival::kRefused;
+  counts_.accepted += arrival != Arrival::kRefused;
+  counts_.replaced += arrival == Arrival::kReplacing;
+}
+
+void Control::show_open_connections(std::uint32_t open) {
+  const std::lock_guard lock(mutex_);
+  counts_.open = open;
+}
+
+void Control::identify(const DeviceIdentity& identity) {
+  const std::lock_guard lock(mutex_);
+  identity_ = identity;
 }
 
 std::optional<Command> Control::take_command() {
@@ -101,8 +198,25 @@ std::optional<Command> Control::take_command() {
 }
 
 void Control::finish(CommandResult result) {
-  result_ = static_cast<std::uint32_t>(running_sequence_) << 16 | static_cast<std::uint32_t>(result);
+  result_ = static_cast<std::uint16_t>(result);
   busy_ = false;
+}
+
+bool Control::is_master_lost(std::int64_t now_ns) {
+  constexpr std::int64_t kNsPerMs = 1'000'000;
+  const std::int64_t timeout_ns = kNsPerMs * settings()[kMasterTimeout];
+  if (timeout_ns == 0) {
+    guarded_since_ns_ = 0;
+    return false;
+  }
+  if (guarded_since_ns_ == 0) guarded_since_ns_ = now_ns;
+  return now_ns - std::max<std::int64_t>(refreshed_ns_, guarded_since_ns_) > timeout_ns;
+}
+
+bool Control::is_stalled(const RegisterImage& image, std::int64_t now_ns) const {
+  if (image.exposure_ns == 0) return false;  // nothing was measured yet
+  const std::int64_t since_ns = image.words[0] & kCameraFault ? published_ns_.load() : image.exposure_ns;
+  return now_ns - since_ns > stale_after_ns_;
 }
 
 }  // namespace finsight

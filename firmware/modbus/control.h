@@ -1,7 +1,7 @@
-// Commands and settings from clients to the frame loop, and results back.
+// Everything beside the measurements: commands and settings from clients to the frame loop, results back, the history
+// of commands and diagnostics.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <limits>
@@ -9,8 +9,12 @@
 #include <optional>
 #include <span>
 
+#include "firmware/modbus/command_history.h"
+#include "firmware/modbus/diagnostics.h"
+#include "firmware/modbus/exception.h"
 #include "firmware/modbus/registers.h"
 #include "firmware/modbus/triple_buffer.h"
+#include "firmware/modbus/write_lock.h"
 
 namespace finsight {
 
@@ -40,80 +44,97 @@ enum class CommandResult : std::uint16_t {
   kFailed = value_named("result", "failed"),
 };
 
-/// Exception codes of the Modbus Application Protocol V1.1b3, section 7.
-enum class Exception : std::uint8_t {
-  kNone = 0,
-  kIllegalFunction = 1,  ///< also for a locked write: "the server is in the wrong state to process a request"
-  kIllegalAddress = 2,
-  kIllegalValue = 3,
-  kBusy = 6
-};
-
-/// The client that a request comes from.
-struct ClientAccess {
-  bool may_write = false;     ///< its address is on the list of those that may
-  std::uint32_t address = 0;  ///< IPv4, host byte order; 0: the serial line. The write key unlocks writes for it.
-};
-
-inline constexpr std::uint16_t kDefaultWriteKey = 18003;  // "FS"
-inline constexpr std::int64_t kUnlocked_ns = 30'000'000'000;
-
 /// The registers from 1000 on. Clients' threads read and write them; one other thread, the frame loop's, takes commands
-/// and settings from here and never waits. One command runs at a time; until it ends, other writes are refused as busy.
+/// and settings from here and never waits. One command runs at a time; until it ends, other writes are refused as busy
+/// (those of the key, of register 1006 and of register 1009 are not).
 class Control {
  public:
   explicit Control(std::uint16_t key = kDefaultWriteKey, const RuntimeSettings& factory = {})
       : Control(key, factory, factory) {}
   Control(std::uint16_t key, const RuntimeSettings& factory, const RuntimeSettings& current)
-      : key_(key), factory_(factory), settings_(current), to_loop_(current) {}
+      : factory_(factory), lock_(key), settings_(current), to_loop_(current) {}
 
-  /// For clients' threads. Reads registers from address `first` on; all of them must exist.
+  // For clients' threads.
+
+  /// Whether all of these registers exist in one block from 1000 on.
+  static bool has_registers(int first, int count);
+  /// Reads registers from address `first` on, all of which must exist.
   void read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
-  /// For clients' threads. Writes all or nothing; checks in this order: address, lock, busy, values.
+  /// Writes all or nothing; checks in this order: address, lock, busy, values.
   Exception write(int first, std::span<const std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
+  RuntimeSettings settings_copy();
+  /// Of a connection over which something was written; `next` will be the next one opened.
+  void connection_closed(std::uint64_t connection, std::uint64_t next);
+  void count_answer(Exception answer);  ///< kNone: no exception
+  enum class Arrival { kAccepted, kReplacing, kRefused };
+  void count_connection(Arrival arrival);
+  void show_open_connections(std::uint32_t open);
 
-  /// For the frame loop's thread, wait-free.
+  // For the frame loop's thread, wait-free.
+
   const RuntimeSettings& settings() { return to_loop_.read(); }
   std::optional<Command> take_command();  ///< a new one, if there is; after it, call finish() exactly once
   void finish(CommandResult result);
-  /// A block whose exposure is longer ago than this is stalled: the firmware hangs or gets no processor time. Not so
-  /// while the block reports a camera fault, which explains its age.
+  /// Whether register 1006 was not written for longer than setting 1022 (as settings() has it) allows. The time counts
+  /// from the moment at which this is first asked with the setting on.
+  bool is_master_lost(std::int64_t now_ns);
+  /// A block whose exposure is longer ago than this is stalled: the firmware hangs or gets no processor time. While the
+  /// block reports a camera fault, which explains its age, the time counts from its publication.
   void set_stale_after(std::int64_t stale_after_ns) { stale_after_ns_ = stale_after_ns; }
-  bool is_stalled(const RegisterImage& image, std::int64_t now_ns) const {
-    const bool is_measured = image.exposure_ns != 0 && !(image.words[0] & kCameraFault);
-    return is_measured && now_ns - image.exposure_ns > stale_after_ns_;
-  }
+  std::int64_t stale_after_ns() const { return stale_after_ns_; }
+  void note_publication(std::int64_t now_ns) { published_ns_ = now_ns; }
+  bool is_stalled(const RegisterImage& image, std::int64_t now_ns) const;
   /// Registers 1005, 1007 and 1008.
   void show_recording(std::uint16_t state, int seconds, int mb_left) {
     recording_ = state;
     recording_s_ = static_cast<std::uint16_t>(seconds);
     recording_mb_left_ = static_cast<std::uint16_t>(mb_left);
   }
+  void show_health(const LoopHealth& health) { health_.publish(health); }
   const RuntimeSettings& factory() const { return factory_; }
 
+  // For any thread.
+
+  void show_processor_temperature(float degc) { processor_temperature_degc_ = degc; }
+  void identify(const DeviceIdentity& identity);
+
  private:
-  Exception write_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns);
-  std::int64_t unlocked_until_ns(std::uint32_t client) const;
+  Exception write_key(std::uint16_t key, const ClientAccess& access, std::int64_t now_ns);
+  Exception write_exclusive(std::uint16_t on, const ClientAccess& access, std::int64_t now_ns);
+  Exception write_command(std::uint16_t command, std::uint16_t sequence, const ClientAccess& access,
+                          std::int64_t now_ns);
+  Exception write_settings(int first, std::span<const std::uint16_t> words);
+  void settle();
+  std::uint32_t exclusive_client(std::int64_t now_ns) const;
   std::uint16_t word(int address, const ClientAccess& access, std::int64_t now_ns) const;
+  void read_history(std::span<std::uint16_t, kHistoryRegisters> words, const ClientAccess& access,
+                    std::int64_t now_ns) const;
 
   static constexpr std::uint32_t kNoCommand = 0xFFFF'FFFF;
-  const std::uint16_t key_;
   const RuntimeSettings factory_;
-  std::mutex mutex_;  ///< between clients' threads; the frame loop never takes it
-  struct Unlocked {
-    std::uint32_t client = 0;
-    std::int64_t until_ns = 0;
-  };
-  std::array<Unlocked, 16> unlocked_;  ///< when full, the next client replaces the one that expires first
+  const std::int64_t started_ns_ = steady_now_ns();
+
+  std::mutex mutex_;  ///< between clients' threads, over what follows; the frame loop never takes it
+  WriteLock lock_;
+  std::uint32_t exclusive_client_ = kNobody;
   RuntimeSettings settings_;
-  std::uint16_t command_ = 0, sequence_ = 0;
+  CommandHistory history_;
+  std::uint16_t refresh_ = 0;
+  ServerCounts counts_;
+  DeviceIdentity identity_;
+
+  // Between clients' threads and the frame loop.
   TripleBuffer<RuntimeSettings> to_loop_;
+  TripleBuffer<LoopHealth> health_{LoopHealth{}};  ///< read under the mutex
   std::atomic<std::uint32_t> pending_{kNoCommand};
-  std::uint16_t running_sequence_ = 0;    ///< register 1001 of the pending or running command
   std::atomic<bool> busy_{false};         ///< from the request to the result
-  std::atomic<std::uint32_t> result_{0};  ///< sequence << 16 | result
+  std::atomic<std::uint16_t> result_{0};  ///< of the newest command, once it is not busy
+  std::atomic<std::int64_t> refreshed_ns_{0};
+  std::int64_t guarded_since_ns_ = 0;  ///< the frame loop's alone; 0: setting 1022 is off
   std::atomic<std::uint16_t> recording_{0}, recording_s_{0}, recording_mb_left_{0xFFFF};
   std::atomic<std::int64_t> stale_after_ns_{std::numeric_limits<std::int64_t>::max()};
+  std::atomic<std::int64_t> published_ns_{0};
+  std::atomic<float> processor_temperature_degc_{std::numeric_limits<float>::quiet_NaN()};
 };
 
 }  // namespace finsight

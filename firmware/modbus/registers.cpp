@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <string_view>
+
+#include "firmware/modbus/block_writer.h"
 
 namespace finsight {
 
@@ -25,58 +26,6 @@ static_assert(address_of("grip_changed_count") == address_of("contact_made_count
 static_assert(address_of("touch_z_net") == address_of("force_net") + kTouchZ);
 static_assert(address_of("touch_z_peak") == address_of("force_peak") + kTouchZ);
 static_assert(address_of("touch_z_minimum") == address_of("force_minimum") + kTouchZ);
-
-/// Writes values into the block as their rows say.
-class BlockWriter {
- public:
-  BlockWriter(RegisterImage& image, bool low_word_first) : image_(image), low_word_first_(low_word_first) {}
-
-  /// Bits, codes and counters, of which every value is valid.
-  void count(const RegisterRow& row, std::uint32_t value) {
-    if (row.type == RegisterType::kUint32) {
-      put_pair(row.address, value);
-    } else {
-      put(row.address, std::min<std::uint32_t>(value, 0xFFFF));
-    }
-  }
-
-  /// Measured values. One value of each type means "not valid"; a saturated value stops short of it.
-  void measured(const RegisterRow& row, double value, bool valid) {
-    valid = valid && std::isfinite(value);
-    const double counts = valid ? std::round(value / row.scale) : 0;
-    if (row.type == RegisterType::kInt16) {
-      put(row.address, valid ? static_cast<std::int64_t>(std::clamp(counts, -32767.0, 32767.0)) : -32768);
-    } else if (row.type == RegisterType::kUint16) {
-      put(row.address, valid ? static_cast<std::int64_t>(std::clamp(counts, 0.0, 65534.0)) : 65535);
-    } else {
-      // The same NaN on all processors: those that x86 and ARM compute differ in their sign.
-      const float number = valid ? static_cast<float>(value) : std::numeric_limits<float>::quiet_NaN();
-      put_pair(row.address, std::bit_cast<std::uint32_t>(number));
-    }
-  }
-
-  /// Three consecutive rows, x, y and z, of which `x_row` is the first.
-  void measured(const RegisterRow& x_row, const Vec3f& value, double factor, bool valid) {
-    for (int axis = 0; axis < 3; ++axis) {
-      measured((&x_row)[axis], factor * static_cast<double>(value[axis]), valid);
-    }
-  }
-
- private:
-  void put(int address, std::int64_t word) {
-    std::uint16_t& place = address < kMeasurementRegisters
-                               ? image_.words[static_cast<std::size_t>(address)]
-                               : image_.process[static_cast<std::size_t>(address - kProcessValueAddress)];
-    place = static_cast<std::uint16_t>(word);
-  }
-  void put_pair(int address, std::uint32_t bits) {
-    put(low_word_first_ ? address + 1 : address, bits >> 16);
-    put(low_word_first_ ? address : address + 1, bits & 0xFFFF);
-  }
-
-  RegisterImage& image_;
-  bool low_word_first_;
-};
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -155,12 +104,19 @@ void write_time_since(BlockWriter& block, const RegisterRow& row, std::int64_t e
   block.measured(row, static_cast<double>(now_ns - exposure_ns) * 1e-6, exposure_ns != 0);
 }
 
+/// All registers of the process helpers are single words.
+BlockWriter process_writer(RegisterImage& image) { return {image.process, kProcessValueAddress, false}; }
+
 constexpr double kCountsPerN = 100;  // of settings 1010 and 1011
 
 /// A threshold with hysteresis: reached at `on`, left below `off`; NaN leaves it.
 bool is_reached(bool before, double value, std::uint16_t on, std::uint16_t off) { return value >= (before ? off : on); }
 
 }  // namespace
+
+bool has_low_word_first(const RuntimeSettings& settings) {
+  return settings[kWordOrder] == value_named("word_order", "CDAB");
+}
 
 bool are_valid(const RuntimeSettings& settings) {
   for (int i = 0; i < kSettingCount; ++i) {
@@ -187,7 +143,7 @@ void encode_registers(const PlatePoses& poses, const FingerShape& shape, const T
   const bool poses_valid = poses.quality != Quality::kInvalid;
   image.words.fill(0);
   image.exposure_ns = state.exposure_ns;
-  BlockWriter block(image, state.settings[kWordOrder] == value_named("word_order", "CDAB"));
+  BlockWriter block(image.words, 0, has_low_word_first(state.settings));
   block.count(row_named("status"), status_word(poses, shape, touch, state));
   block.count(row_named("fault"), static_cast<std::uint32_t>(state.fault));
   block.count(row_named("heartbeat"), state.heartbeat);
@@ -208,7 +164,7 @@ void encode_registers(const PlatePoses& poses, const FingerShape& shape, const T
 
 void encode_process(const ProcessReadings& readings, RegisterImage& image) {
   image.process.fill(0);
-  BlockWriter block(image, false);  // all of them are single words
+  BlockWriter block = process_writer(image);
   std::uint32_t events = 0;
   for (int event = 0; event < kProcessEvents; ++event) {
     events |= std::uint32_t{readings.event[event]} << event;
@@ -237,17 +193,34 @@ RegisterImage empty_block() {
 }
 
 void set_age(RegisterImage& image, std::int64_t now_ns) {
-  BlockWriter block(image, false);  // the word order does not concern the age, a single word
+  BlockWriter block(image.words, 0, false);  // the word order does not concern the age, a single word
   write_time_since(block, row_named("age"), image.exposure_ns, now_ns);
 }
 
-void mark_stalled(RegisterImage& image) {
+void mark_stalled(RegisterImage& image, const RuntimeSettings& settings) {
   std::uint16_t& status = image.words[address_of("status")];
-  std::uint16_t& fault = image.words[address_of("fault")];
-  status = static_cast<std::uint16_t>((status & ~(kReady | kTouchValid | kShapeValid)) | kAnyFault);
-  fault = static_cast<std::uint16_t>(FaultCode::kStalled);
-  BlockWriter block(image, false);
-  for (int value = 0; value < kProcessValues; ++value) block.measured((&row_named("force_net"))[value], 0, false);
+  image.words[address_of("fault")] = static_cast<std::uint16_t>(FaultCode::kStalled);
+  status = static_cast<std::uint16_t>((status & ~kReady) | kAnyFault);
+  if (settings[kAfterHold] == value_named("after_hold", "keep")) {
+    status |= kHeld;
+    return;
+  }
+  constexpr std::uint16_t kOfOldFrame = kTouchValid | kContact | kShapeValid | kHeld | kTopSeen | kMiddleSeen |
+                                        kLowSeen | kOverRange | kSolverFallback | kOverload;
+  status = static_cast<std::uint16_t>(status & ~kOfOldFrame);
+  image.words[address_of("limits")] = 0;
+  BlockWriter block(image.words, 0, has_low_word_first(settings));
+  for (const RegisterRow& row : kRegisterTable.measurements) {
+    if (row.may_be_invalid() && row.address != address_of("age")) block.measured(row, 0, false);
+  }
+  // Peaks and minima stay what they were.
+  BlockWriter process = process_writer(image);
+  for (int value = 0; value < kProcessValues; ++value) {
+    process.measured((&row_named("force_net"))[value], 0, false);
+  }
+  constexpr int kState = address_of("process_state") - kProcessValueAddress;
+  image.process[kState] =
+      static_cast<std::uint16_t>(image.process[kState] & ~bit_named("process_state", "grip_steady"));
 }
 
 }  // namespace finsight

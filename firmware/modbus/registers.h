@@ -63,6 +63,9 @@ struct RuntimeSettings {
 /// Whether every setting is in its range and every "on" threshold above its "off" threshold.
 bool are_valid(const RuntimeSettings& settings);
 
+/// The order of 32-bit registers.
+bool has_low_word_first(const RuntimeSettings& settings);
+
 /// Register 44. Each is set at its "on" threshold and cleared below its "off" threshold.
 struct ThresholdState {
   bool contact = false, gentle = false, overload = false;
@@ -123,7 +126,9 @@ RegisterImage empty_block();
 /// Writes register 3, the time from the exposure to a read at `now_ns` (steady clock).
 void set_age(RegisterImage& image, std::int64_t now_ns);
 
-/// Marks a block that should have been replaced by now: not ready, touch and shape not valid, fault 8.
-void mark_stalled(RegisterImage& image);
+/// Makes a block that should have been replaced by now say so: fault 8, not ready. Everything but its age that is not
+/// always valid becomes invalid, and the bits of the old frame are cleared; where setting 1017 (after_hold) says keep,
+/// all of that stays, marked as held.
+void mark_stalled(RegisterImage& image, const RuntimeSettings& settings);
 
 }  // namespace finsight

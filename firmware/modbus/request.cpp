@@ -33,21 +33,10 @@ std::size_t exception(Request request, Exception code, Reply reply) {
 
 int word_at(Request request, std::size_t at) { return request[at] << 8 | request[at + 1]; }
 
-bool is_in_control(int address, int quantity) {
-  return address >= kControlAddress && address + quantity <= kControlAddress + kControlRegisters;
-}
-
-bool is_in(int block, int registers, int address, int quantity) {
-  return address >= block && address + quantity <= block + registers;
-}
-
 /// Sections 6.3 and 6.4: the quantity is checked before the address.
 Exception check_read(int address, int quantity) {
   if (quantity < 1 || quantity > kMaxRegistersPerRead) return Exception::kIllegalValue;
-  const bool exists = address + quantity <= kMeasurementRegisters || is_in_control(address, quantity) ||
-                      is_in(kProcessAddress, kProcessBlockRegisters, address, quantity) ||
-                      is_in(kHistoryAddress, kHistoryRegisters, address, quantity) ||
-                      is_in(kDiagnosticsAddress, kDiagnosticsRegisters, address, quantity);
+  const bool exists = address + quantity <= kMeasurementRegisters || Control::has_registers(address, quantity);
   return exists ? Exception::kNone : Exception::kIllegalAddress;
 }
 
@@ -58,14 +47,13 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
   const std::span<std::uint16_t> words(buffer.data(), static_cast<std::size_t>(quantity));
   if (address < kMeasurementRegisters) {
     std::copy_n(device.image.words.begin() + address, quantity, words.begin());
-  } else if (!is_in_control(address, quantity) && !is_in(kProcessAddress, kProcessBlockRegisters, address, quantity)) {
-    std::ranges::fill(words, 0);  // history and diagnostics, in the next commits
   } else {
     device.control.read(address, words, access, device.now_ns);
   }
-  for (int at = std::max(address, kProcessValueAddress);
-       is_in(kProcessAddress, kProcessBlockRegisters, at, 1) && at < address + quantity; ++at) {
-    buffer[static_cast<std::size_t>(at - address)] =
+  // What the process helpers read is part of the image; their settings are not.
+  const int process_end = kProcessAddress + kProcessBlockRegisters;
+  for (int at = std::max(address, kProcessValueAddress); at < std::min(address + quantity, process_end); ++at) {
+    words[static_cast<std::size_t>(at - address)] =
         device.image.process[static_cast<std::size_t>(at - kProcessValueAddress)];
   }
   reply[0] = request[0];
@@ -81,8 +69,6 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
 /// Writes the words that the request holds from byte `at` on.
 Exception write_words(Request request, std::size_t at, int address, int quantity, const DeviceView& device,
                       const ClientAccess& access) {
-  if (!is_in_control(address, quantity) && !is_in(kProcessAddress, kProcessBlockRegisters, address, quantity))
-    return Exception::kIllegalAddress;
   std::array<std::uint16_t, kMaxRegistersPerWrite> words;
   for (int i = 0; i < quantity; ++i) {
     words[static_cast<std::size_t>(i)] =
@@ -200,9 +186,7 @@ std::size_t identify(Request request, Reply reply) {
   return static_cast<std::size_t>(end - reply.begin());
 }
 
-}  // namespace
-
-std::size_t answer_request(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
+std::size_t answer(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
   switch (request[0]) {
     case kReadHoldingRegisters:
     case kReadInputRegisters:
@@ -218,6 +202,14 @@ std::size_t answer_request(Request request, const DeviceView& device, const Clie
     default:
       return exception(request, Exception::kIllegalFunction, reply);
   }
+}
+
+}  // namespace
+
+std::size_t answer_request(Request request, const DeviceView& device, const ClientAccess& access, Reply reply) {
+  const std::size_t length = answer(request, device, access, reply);
+  device.control.count_answer(reply[0] & 0x80 ? static_cast<Exception>(reply[1]) : Exception::kNone);
+  return length;
 }
 
 }  // namespace finsight

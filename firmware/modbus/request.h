@@ -19,13 +19,15 @@ struct DeviceView {
   Control& control;
   std::int64_t now_ns;  ///< steady clock; the age in the image is that at this time
 };
-/// The latest image with its age; marked as stalled if it is too old.
+/// For a client's thread: the latest image with its age; marked as stalled if it is too old.
 inline DeviceView view_now(TripleBuffer<RegisterImage>& latest, Control& control) {
   DeviceView view{latest.read(), control, steady_now_ns()};
   set_age(view.image, view.now_ns);
-  if (control.is_stalled(view.image, view.now_ns)) mark_stalled(view.image);
+  if (control.is_stalled(view.image, view.now_ns)) mark_stalled(view.image, control.settings_copy());
   return view;
 }
+
+constexpr bool is_write(std::uint8_t function) { return function == 6 || function == 16 || function == 23; }
 
 /// Carries out functions 3, 4, 6, 16 and 23 and identification (43/14). Other functions and invalid requests get the
 /// exception that the Modbus Application Protocol V1.1b3 names. Returns the length of the response, 2 or more.

@@ -68,7 +68,7 @@ std::size_t request_length(std::span<const std::uint8_t> begin) {
   }
 }
 
-bool is_write(std::uint8_t function) { return function == 6 || function == 16; }
+bool is_broadcast_write(std::uint8_t function) { return function == 6 || function == 16; }
 
 }  // namespace
 
@@ -161,7 +161,7 @@ struct SerialLine::Impl {
 
   /// Answers a whole frame if it is for us. False: the answer could not be sent.
   bool answer(std::span<const std::uint8_t> frame) {
-    const bool is_broadcast = frame[0] == 0 && is_write(frame[1]);
+    const bool is_broadcast = frame[0] == 0 && is_broadcast_write(frame[1]);
     if (frame[0] != settings.unit && !is_broadcast) return true;
     if (!is_broadcast) std::this_thread::sleep_for(gap);
     std::array<std::uint8_t, 1 + kMaxPdu> reply;
@@ -174,7 +174,7 @@ struct SerialLine::Impl {
 
   const SerialSettings settings;
   Control& control;
-  ClientAccess access{.may_write = true};  // whoever is wired to the line may write
+  ClientAccess access{.may_write = true, .address = kSerialLineClient};  // whoever is wired to the line may write
   const std::function<void(const std::string&)> report;
   const int wake;
   std::chrono::microseconds gap;

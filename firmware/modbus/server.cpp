@@ -6,78 +6,35 @@
 #include <poll.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cerrno>
-#include <chrono>
 #include <system_error>
 #include <thread>
-#include <tuple>
 #include <utility>
 #include <vector>
 
+#include "firmware/modbus/client_places.h"
+#include "firmware/modbus/descriptor.h"
 #include "firmware/modbus/request.h"
 #include "firmware/modbus/serial_line.h"
+#include "firmware/modbus/tcp_client.h"
 #include "firmware/modbus/triple_buffer.h"
 
 namespace finsight {
 
 namespace {
 
-// A frame: transaction id (2 bytes), protocol id (2), length of the rest (2), unit id (1), PDU.
-constexpr std::size_t kHeader = 7;
-constexpr std::size_t kMaxFrame = kHeader + kMaxPdu;
-
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
-constexpr std::int64_t kFrameLimit_ns = 3 * kSecond_ns;  // a client whose frame takes longer to arrive is closed
-// A client that has sent no request for so long may lose its place to a newcomer: before its first request, and after.
-constexpr std::int64_t kMute_ns = 2 * kSecond_ns, kQuiet_ns = 10 * kSecond_ns;
 constexpr std::int64_t kAcceptPause_ns = kSecond_ns / 2;  // after accept() failed for want of descriptors or memory
-constexpr int kPollTimeout_ms = 500;                      // clients are closed at most this late
+constexpr std::int64_t kPollTimeout_ns = kSecond_ns / 2;  // clients are closed at most this late
 constexpr int kAcceptsPerPoll = 8;
 
-// The kernel's buffers for one client: enough for a hundred requests, yet little memory with 32 hostile clients.
+// The kernel's buffers for one client: enough for a hundred requests, yet little memory with 64 hostile clients.
 constexpr int kReceiveBuffer_bytes = 16 * 1024;
 constexpr int kSendBuffer_bytes = 64 * 1024;
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  ~Descriptor() { close(); }
-  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);  // `other` closes ours
-    return *this;
-  }
-  void close() {
-    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
-  }
-  bool is_open() const { return fd_ >= 0; }
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
-
-struct Client {
-  Descriptor socket;
-  std::int64_t deadline_ns = 0;  ///< closed if no whole frame arrives before this
-  std::int64_t active_ns = 0;    ///< time of its connection or last request
-  bool has_asked = false;        ///< has sent a whole request
-  std::size_t used = 0;          ///< bytes of `frame` that have arrived
-  ClientAccess access;
-  std::array<std::uint8_t, kMaxFrame> frame;
-
-  std::size_t length_field() const { return static_cast<std::size_t>(frame[4] << 8 | frame[5]); }
-  bool has_valid_header() const {
-    const bool is_modbus = frame[2] == 0 && frame[3] == 0;
-    return is_modbus && length_field() >= 2 && length_field() <= 1 + kMaxPdu;
-  }
-  std::size_t wanted() const { return used < kHeader ? kHeader : kHeader - 1 + length_field(); }
-};
 
 Descriptor open_listener(const ModbusSettings& settings) {
   const auto require = [&settings](bool done) {
@@ -126,8 +83,9 @@ struct ModbusServer::Impl {
         listener(open_listener(settings)),
         port(port_of(listener)),
         wake(::eventfd(0, EFD_CLOEXEC)),
-        idle_limit_ns(settings.idle_limit_s * kSecond_ns),
-        clients(static_cast<std::size_t>(settings.max_clients)),
+        places(static_cast<std::size_t>(settings.max_clients), static_cast<std::size_t>(settings.most_per_address()),
+               settings.reserve),
+        clients(places.size()),
         polled(clients.size() + kFirstClient) {
     if (!wake.is_open()) throw std::system_error(errno, std::generic_category(), "Modbus server");
     if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, control, report);
@@ -139,29 +97,44 @@ struct ModbusServer::Impl {
     thread.join();
   }
 
-  // After each poll every client that has sent something gets one request answered, so that none can hold up another.
-  // What it has sent beyond that stays in the kernel's buffer until the next poll.
+  // In each round every client that has sent something gets one request answered, and then few newcomers are let in, so
+  // that none can hold up another. What a client has sent beyond that stays in its buffers.
   void run() {
     for (;;) {
-      choose_polled(steady_now_ns());
-      const int ready = ::poll(polled.data(), polled.size(), kPollTimeout_ms);
+      const std::int64_t now_ns = steady_now_ns();
+      const timespec timeout = duration(choose_polled(now_ns) - now_ns);
+      const int ready = ::ppoll(polled.data(), polled.size(), &timeout, nullptr);
       assert(ready >= 0 || errno == EINTR);  // an interrupted poll leaves all revents 0
       if (polled[kWake].revents) return;
       for (std::size_t i = 0; i < clients.size(); ++i) {
-        if (polled[kFirstClient + i].revents && !serve(clients[i])) clients[i].socket.close();
+        if (is_due[i] || polled[kFirstClient + i].revents) serve(i);
       }
       if (polled[kListener].revents) accept_clients();
     }
   }
 
-  /// Closes the clients that are overdue and lists the others for poll().
-  void choose_polled(std::int64_t now_ns) {
+  static timespec duration(std::int64_t ns) { return {.tv_sec = ns / kSecond_ns, .tv_nsec = ns % kSecond_ns}; }
+
+  /// Closes the clients that are overdue and lists the others for poll(). Returns the time to wait for.
+  std::int64_t choose_polled(std::int64_t now_ns) {
+    std::int64_t until_ns = now_ns + kPollTimeout_ns;
     polled[kWake] = {wake.get(), POLLIN, 0};
     polled[kListener] = {now_ns < accept_after_ns ? -1 : listener.get(), POLLIN, 0};
     for (std::size_t i = 0; i < clients.size(); ++i) {
-      if (now_ns > clients[i].deadline_ns) clients[i].socket.close();
-      polled[kFirstClient + i] = {clients[i].socket.get(), POLLIN, 0};
+      const TcpClient& client = clients[i];
+      if (client.is_open() && now_ns > client.deadline_ns()) close(i);
+      pollfd& poll = polled[kFirstClient + i] = {client.fd(), POLLIN, 0};
+      is_due[i] = false;
+      if (!client.is_open()) continue;
+      if (client.has_unsent()) {
+        poll.events = POLLOUT;
+      } else if (client.has_request()) {
+        poll.fd = -1;
+        is_due[i] = now_ns >= client.turn_ns();
+        until_ns = std::min(until_ns, std::max(client.turn_ns(), now_ns));
+      }
     }
+    return until_ns;
   }
 
   void accept_clients() {
@@ -176,51 +149,44 @@ struct ModbusServer::Impl {
         if (!is_transient) accept_after_ns = steady_now_ns() + kAcceptPause_ns;
         return;
       }
-      const std::uint32_t address = ntohl(from.sin_addr.s_addr);
-      if (!is_listed(settings.allow, address)) continue;  // closed at once
-      const std::int64_t accepted_ns = steady_now_ns();
-      Client* const place = place_for_newcomer(accepted_ns);
-      if (!place) continue;               // too many clients: closed at once
-      place->socket = std::move(socket);  // closes the client that was replaced
-      place->used = 0;
-      place->access = {.may_write = is_listed(settings.allow_writes, address), .address = address};
-      place->deadline_ns = accepted_ns + idle_limit_ns;
-      place->active_ns = accepted_ns;
-      place->has_asked = false;
+      let_in(std::move(socket), ntohl(from.sin_addr.s_addr), steady_now_ns());
     }
   }
 
-  /// A free place, or else that of a client that has been quiet for long: first one that never sent a request, then the
-  /// one quiet for longest (Modbus Messaging on TCP/IP V1.0b, section 4.2.1.1: the oldest unused connection is closed).
-  /// Null if there is neither.
-  Client* place_for_newcomer(std::int64_t time_ns) {
-    const auto rank = [](const Client& c) { return std::tuple(c.socket.is_open(), c.has_asked, c.active_ns); };
-    Client* place = nullptr;
-    for (Client& client : clients) {
-      const std::int64_t quiet_ns = time_ns - client.active_ns;
-      if (client.socket.is_open() && quiet_ns < (client.has_asked ? kQuiet_ns : kMute_ns)) continue;
-      if (!place || rank(client) < rank(*place)) place = &client;
-    }
-    return place;
+  /// Those that are refused are closed at once.
+  void let_in(Descriptor socket, std::uint32_t address, std::int64_t now_ns) {
+    const bool is_allowed = is_listed(settings.allow, address);
+    const std::optional<std::size_t> place = is_allowed ? places.place_for(address, now_ns) : std::nullopt;
+    if (!place) return control.count_connection(Control::Arrival::kRefused);
+    const bool is_replacing = places[*place].is_open;
+    if (is_replacing) close(*place);
+    const ClientAccess access{
+        .may_write = is_listed(settings.allow_writes, address), .address = address, .connection = next_connection++};
+    clients[*place] = TcpClient(std::move(socket), access, settings.idle_limit_s * kSecond_ns, now_ns);
+    places[*place] = {.is_open = true, .address = address, .has_asked = false, .active_ns = now_ns};
+    control.count_connection(is_replacing ? Control::Arrival::kReplacing : Control::Arrival::kAccepted);
+    control.show_open_connections(static_cast<std::uint32_t>(places.open()));
   }
 
-  /// Reads the missing bytes of one frame, never more, and answers it once it is whole. False: close the connection.
-  bool serve(Client& client) {
-    while (client.used < client.wanted()) {
-      const ssize_t got = ::recv(client.socket.get(), &client.frame[client.used], client.wanted() - client.used, 0);
-      if (got < 0) return errno == EAGAIN || errno == EINTR;
-      if (got == 0) return false;
-      // The time limit of a frame starts with its first byte and is not extended by further bytes.
-      if (client.used == 0) client.deadline_ns = std::min(client.deadline_ns, steady_now_ns() + kFrameLimit_ns);
-      client.used += static_cast<std::size_t>(got);
-      if (client.used == kHeader && !client.has_valid_header()) return false;
+  void close(std::size_t place) {
+    TcpClient& client = clients[place];
+    if (std::exchange(has_written[place], false)) {
+      control.connection_closed(client.access().connection, next_connection);
     }
-    const bool answered = answer(client);
-    client.used = 0;
-    client.active_ns = steady_now_ns();
-    client.has_asked = true;
-    client.deadline_ns = client.active_ns + idle_limit_ns;
-    return answered;
+    if (client.has_unsent()) client.abort();  // what it has not taken is lost
+    client = TcpClient();
+    places[place].is_open = false;
+    control.show_open_connections(static_cast<std::uint32_t>(places.open()));
+  }
+
+  void serve(std::size_t place) {
+    TcpClient& client = clients[place];
+    const std::int64_t now_ns = steady_now_ns();
+    const TcpClient::Progress progress = client.advance(now_ns);
+    if (progress == TcpClient::Progress::kNone) return;
+    if (progress == TcpClient::Progress::kEnd || !answer(place, now_ns)) return close(place);
+    places[place].active_ns = now_ns;
+    places[place].has_asked = true;
   }
 
   /// Other units do not exist here and get no answer. 0 and 255 address a device that has no units behind its IP
@@ -230,21 +196,21 @@ struct ModbusServer::Impl {
     return settings.unit == 0 ? unit <= 247 : unit == settings.unit;
   }
 
-  /// False: the client does not read its answers. Its connection is then reset, and what it has not read is lost.
-  bool answer(Client& client) {
-    if (!is_ours(client.frame[kHeader - 1])) return true;
-    std::array<std::uint8_t, kMaxFrame> reply;
-    const std::size_t length =
-        answer_request({&client.frame[kHeader], client.used - kHeader}, view_now(latest, control), client.access,
-                       std::span<std::uint8_t, kMaxPdu>(&reply[kHeader], kMaxPdu));
-    std::copy_n(client.frame.begin(), kHeader, reply.begin());
-    reply[4] = 0;
+  /// False: the connection is broken.
+  bool answer(std::size_t place, std::int64_t now_ns) {
+    constexpr std::size_t kHeader = TcpClient::kHeader;
+    TcpClient& client = clients[place];
+    const auto request = client.request();
+    const std::size_t sharers = places.held_by(client.access().address);
+    if (!is_ours(request[kHeader - 1])) return client.answer({}, sharers, now_ns);
+    std::array<std::uint8_t, TcpClient::kMaxFrame> reply;
+    const std::size_t length = answer_request(request.subspan(kHeader), view_now(latest, control), client.access(),
+                                              std::span<std::uint8_t, kMaxPdu>(&reply[kHeader], kMaxPdu));
+    if (is_write(request[kHeader])) has_written[place] = true;
+    std::copy_n(request.begin(), kHeader, reply.begin());
+    reply[4] = static_cast<std::uint8_t>((length + 1) >> 8);
     reply[5] = static_cast<std::uint8_t>(length + 1);
-    const std::size_t total = kHeader + length;
-    if (::send(client.socket.get(), reply.data(), total, MSG_NOSIGNAL) == static_cast<ssize_t>(total)) return true;
-    const linger abort{1, 0};
-    ::setsockopt(client.socket.get(), SOL_SOCKET, SO_LINGER, &abort, sizeof abort);
-    return false;
+    return client.answer({reply.data(), kHeader + length}, sharers, now_ns);
   }
 
   static constexpr std::size_t kWake = 0, kListener = 1, kFirstClient = 2;
@@ -253,9 +219,11 @@ struct ModbusServer::Impl {
   Descriptor listener;
   int port;
   Descriptor wake;
-  std::int64_t idle_limit_ns;
-  std::vector<Client> clients;
+  ClientPlaces places;
+  std::vector<TcpClient> clients;
+  std::array<bool, ModbusSettings::kMostClients> is_due{}, has_written{};
   std::vector<pollfd> polled;
+  std::uint64_t next_connection = 1;
   std::int64_t accept_after_ns = 0;
   TripleBuffer<RegisterImage> latest{empty_block()};
   std::unique_ptr<SerialLine> serial;
@@ -267,6 +235,7 @@ ModbusServer::ModbusServer(const ModbusSettings& settings, Control& control,
     : impl_(std::make_unique<Impl>(settings, control, report)) {}
 ModbusServer::~ModbusServer() = default;
 void ModbusServer::publish(const RegisterImage& image) noexcept {
+  impl_->control.note_publication(steady_now_ns());
   impl_->latest.publish(image);
   if (impl_->serial) impl_->serial->publish(image);
 }

@@ -1,6 +1,8 @@
 // The Modbus server: TCP in a thread of its own, RTU on a serial line in another.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -17,18 +19,23 @@ namespace finsight {
 struct ModbusSettings {
   std::string address = "127.0.0.1";  ///< IPv4 address to listen on; "0.0.0.0" for all
   int port = 502;                     ///< 0: any free port
+  static constexpr int kMostClients = 64;
   int max_clients = 32;
-  int idle_limit_s = 60;                   ///< a client that sends no request for so long is closed
-  int unit = 0;                            ///< 1 to 247: answers this unit id, 0 and 255 only; 0: answers all of them
-  std::vector<Network> allow = {};         ///< who may connect; empty: everybody
-  std::vector<Network> allow_writes = {};  ///< who of them may write once unlocked; empty: all
+  int max_per_address = 0;                  ///< of these; 0: half of them
+  std::vector<std::uint32_t> reserve = {};  ///< addresses (host byte order) for each of which one place is kept
+  int idle_limit_s = 60;                    ///< a client that sends no request for so long is closed
+  int unit = 0;                             ///< 1 to 247: answers this unit id, 0 and 255 only; 0: answers all of them
+  std::vector<Network> allow = {};          ///< who may connect; empty: everybody
+  std::vector<Network> allow_writes = {};   ///< who of them may write once unlocked; empty: all
   std::optional<SerialSettings> serial = std::nullopt;
+
+  int most_per_address() const { return max_per_address ? max_per_address : std::max(max_clients / 2, 1); }
 };
 
 /// Serves the latest published RegisterImage (before the first: a block that is not ready and has no valid values) and
 /// the commands and settings of `control`. A read of several registers is one consistent snapshot; register 3 (age) is
 /// computed when it is read. No client, whatever it sends or leaves unread, makes the server allocate memory or delays
-/// other clients by more than the time that its requests take.
+/// other clients by more than the time that one of its requests takes. ClientPlaces and TcpClient say what one gets.
 class ModbusServer {
  public:
   /// Opens the port; throws std::system_error naming address and port (in use, not an IPv4 address, not permitted).

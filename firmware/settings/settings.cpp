@@ -1,7 +1,9 @@
 #include "firmware/settings/settings.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <iterator>
 #include <utility>
 
@@ -19,6 +21,16 @@ void read_replay(TomlTable& table, Settings& settings) {
   settings.replay.repeat = table.flag("repeat", false);
 }
 
+/// Of "file:line".
+std::string file_in(const std::string& where) { return where.substr(0, where.rfind(':')); }
+
+TomlTable table_or_measured_file(TomlTable& parent, const char* key, Settings& settings) {
+  TomlTable table = parent.table_or_file(key);
+  const std::string file = file_in(table.where());
+  if (file != file_in(parent.where(key))) settings.measured_files.push_back(file);
+  return table;
+}
+
 void read_live(TomlTable& table, Settings& settings) {
   LiveCameraSettings& live = settings.camera;
   live.name = table.text("camera", "");
@@ -28,7 +40,7 @@ void read_live(TomlTable& table, Settings& settings) {
   if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
   if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);
   live.stall_ms = static_cast<int>(table.integer("stall_ms", 50, 60'000, 500));
-  TomlTable lens = table.table_or_file("lens");
+  TomlTable lens = table_or_measured_file(table, "lens", settings);
   const std::string where = lens.where();
   settings.lens = read_lens(std::move(lens), live.width_px, live.height_px);
   try {
@@ -142,6 +154,24 @@ std::vector<Network> read_networks(TomlTable& table, const char* key) {
   return networks;
 }
 
+std::vector<std::uint32_t> read_reserved(TomlTable& table, const ModbusSettings& modbus) {
+  std::vector<std::uint32_t> addresses;
+  for (const Network& network : read_networks(table, "reserve")) {
+    if (!network.is_address()) {
+      throw InputError(table.where("reserve"), "modbus.reserve", "a network", "addresses, such as \"192.168.0.7\"");
+    }
+    if (!is_listed(modbus.allow, network.address)) {
+      throw InputError(table.where("reserve"), "modbus.reserve: an address that `allow` does not let in");
+    }
+    if (std::ranges::find(addresses, network.address) == addresses.end()) addresses.push_back(network.address);
+  }
+  if (addresses.size() >= static_cast<std::size_t>(modbus.max_clients)) {
+    throw InputError(table.where("reserve"), "modbus.reserve", std::to_string(addresses.size()) + " addresses",
+                     "fewer than max_clients, which is " + std::to_string(modbus.max_clients));
+  }
+  return addresses;
+}
+
 void read_modbus(TomlTable table, Settings& settings) {
   ModbusSettings& modbus = settings.modbus;
   modbus.address = table.text("address", modbus.address);
@@ -149,11 +179,16 @@ void read_modbus(TomlTable table, Settings& settings) {
     throw InputError(table.where("address"), "modbus.address", "\"" + modbus.address + "\"", "an IPv4 address");
   }
   modbus.port = static_cast<int>(table.integer("port", 0, 65535, modbus.port));
-  modbus.max_clients = static_cast<int>(table.integer("max_clients", 1, 64, modbus.max_clients));
+  modbus.max_clients =
+      static_cast<int>(table.integer("max_clients", 1, ModbusSettings::kMostClients, modbus.max_clients));
+  if (table.has("max_per_address")) {
+    modbus.max_per_address = static_cast<int>(table.integer("max_per_address", 1, ModbusSettings::kMostClients));
+  }
   modbus.idle_limit_s = static_cast<int>(table.integer("idle_limit_s", 1, 86400, modbus.idle_limit_s));
   modbus.unit = static_cast<int>(table.integer("unit", 0, 247, modbus.unit));
   modbus.allow = read_networks(table, "allow");
   modbus.allow_writes = read_networks(table, "allow_writes");
+  modbus.reserve = read_reserved(table, modbus);
   settings.write_key = static_cast<std::uint16_t>(table.integer("write_key", 1, 65535, settings.write_key));
   settings.loop.runtime[kWordOrder] = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD") == "CDAB";
   if (table.has("serial")) modbus.serial = read_serial(table.table("serial"));
@@ -180,6 +215,35 @@ void read_network(TomlTable table, NetworkSettings& network) {
                        "an address, such as \"192.168.0.1\"");
     }
   }
+  table.finish();
+}
+
+/// "2026-11-22" as 20261122.
+std::uint32_t read_date(TomlTable& table, const char* key) {
+  const std::string text = table.text(key);
+  int year = 0, month = 0, day = 0;
+  std::string form = text;
+  std::ranges::replace_if(
+      form, [](char c) { return c >= '0' && c <= '9'; }, '0');
+  if (form == "0000-00-00") std::sscanf(text.c_str(), "%4d-%2d-%2d", &year, &month, &day);
+  const std::chrono::year_month_day date{std::chrono::year(year), std::chrono::month(static_cast<unsigned>(month)),
+                                         std::chrono::day(static_cast<unsigned>(day))};
+  if (!date.ok()) {
+    throw InputError(table.where(key), std::string("device.") + key, "\"" + text + "\"",
+                     "a date, such as \"2026-11-22\"");
+  }
+  return static_cast<std::uint32_t>(10000 * year + 100 * month + day);
+}
+
+void read_device(TomlTable table, Settings& settings) {
+  constexpr std::size_t kMaxSerial = 2 * words_of(RegisterType::kText32);
+  settings.serial_number = table.text("serial_number", "");
+  const auto is_ascii = [](char c) { return c >= ' ' && c <= '~'; };
+  if (settings.serial_number.size() > kMaxSerial || !std::ranges::all_of(settings.serial_number, is_ascii)) {
+    throw InputError(table.where("serial_number"), "device.serial_number", "\"" + settings.serial_number + "\"",
+                     "at most 32 ASCII characters");
+  }
+  if (table.has("calibration_date")) settings.calibration_date = read_date(table, "calibration_date");
   table.finish();
 }
 
@@ -230,7 +294,8 @@ Settings read_settings(const SettingsFiles& files) {
   if (root.has("storage")) read_storage(root.table("storage"), settings);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);
-  if (root.has("mount")) settings.mount = read_measured_mount(root.table_or_file("mount"));
+  if (root.has("device")) read_device(root.table("device"), settings);
+  if (root.has("mount")) settings.mount = read_measured_mount(table_or_measured_file(root, "mount", settings));
   root.finish();
   return settings;
 }

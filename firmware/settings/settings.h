@@ -44,6 +44,9 @@ struct Settings {
   int record_reserve_mb = 100;        ///< room on the disk that recordings leave free
   RealtimeSettings realtime;
   NetworkSettings network;
+  std::string serial_number;                          ///< empty: the board's own
+  std::uint32_t calibration_date = 0;                 ///< as 20261122; 0: that of the newest of measured_files
+  std::vector<std::filesystem::path> measured_files;  ///< that lens and mount come from
 };
 
 /// The board file with the user's file, if there is one, over it. Each is parsed once; all readers share them.

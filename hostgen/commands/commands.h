@@ -16,6 +16,7 @@ void add_render_command(CLI::App& app);
 void add_figure_command(CLI::App& app);
 void add_plc_command(CLI::App& app);
 void add_report_command(CLI::App& app);
+void add_attack_command(CLI::App& app);
 void add_import_recordings_command(CLI::App& app);
 void add_audit_command(CLI::App& app);
 void add_train_command(CLI::App& app);

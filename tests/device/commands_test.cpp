@@ -181,3 +181,23 @@ TEST_CASE("commands: poll does not allocate") {
   CHECK(test::allocations == before);
   CHECK(device.read(kResultSequenceRegister) == 1);
 }
+
+TEST_CASE("commands: a lost master is fault 14 from the next frame on, values stay valid, and it ends with its write") {
+  Device device;
+  CHECK(device.frame(resting(3)).words[1] == 0);
+  REQUIRE(device.write(address_of("master_timeout"), {1}) == Exception::kNone);
+  device.frame(resting(3));  // the time starts
+  std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  const RegisterImage lost = device.frame(resting(3));
+  CHECK(lost.words[1] == 14);
+  CHECK((lost.words[0] & (kAnyFault | kReady | kShapeValid)) == (kAnyFault | kReady | kShapeValid));
+  REQUIRE(device.write(address_of("master_timeout"), {60000}) == Exception::kNone);
+  const ClientAccess master{.may_write = true};
+  REQUIRE(device.control.write(kRefreshRegister, std::array<std::uint16_t, 1>{1}, master, steady_now_ns()) ==
+          Exception::kLocked);  // its unlock was at 0
+  REQUIRE(device.control.write(kKeyRegister, std::array{kDefaultWriteKey}, master, steady_now_ns()) ==
+          Exception::kNone);
+  REQUIRE(device.control.write(kRefreshRegister, std::array<std::uint16_t, 1>{1}, master, steady_now_ns()) ==
+          Exception::kNone);
+  CHECK(device.frame(resting(3)).words[1] == 0);
+}

@@ -20,7 +20,7 @@ void require(bool holds) {
 /// Whether a response has the form that its request calls for.
 bool is_well_formed(std::span<const std::uint8_t> request, std::span<const std::uint8_t> reply) {
   if (reply.size() == 2 && reply[0] == (request[0] | 0x80)) {
-    return reply[1] == 1 || reply[1] == 2 || reply[1] == 3 || reply[1] == 6;
+    return reply[1] == 1 || reply[1] == 2 || reply[1] == 3 || reply[1] == 4 || reply[1] == 6;
   }
   if (reply[0] != request[0]) return false;
   switch (reply[0]) {
@@ -44,7 +44,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   constexpr std::size_t kHeader = 7;
   Control control;
   TripleBuffer<RegisterImage> latest{empty_block()};
-  const ClientAccess access{.may_write = true, .address = 1};
+  ClientAccess access{.may_write = true, .address = 2, .connection = 1};
   std::size_t at = 0;
   while (at + kHeader < size) {
     const std::size_t length = static_cast<std::size_t>(bytes[at + 4] << 8 | bytes[at + 5]);
@@ -63,6 +63,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
       require(*command <= Command::kFactory);
       control.finish(static_cast<CommandResult>(bytes[at + 1] & 3));
     }
+    // The unit decides whether the client goes and comes back, or another one of its address takes over.
+    if (bytes[at + 6] & 0x40) control.connection_closed(access.connection, access.connection + 1);
+    if (bytes[at + 6] & 0x60) ++access.connection;
     at += kHeader - 1 + length;
   }
   return 0;

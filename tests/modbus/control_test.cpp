@@ -30,25 +30,25 @@ struct Client {
 
 }  // namespace
 
-TEST_CASE("control: the key unlocks for 30 seconds from when it was last written") {
+TEST_CASE("control: the key unlocks for 30 seconds, and every write for another 30") {
   Control control(4711);
   Client client(control);
-  CHECK(client.write(1016, {100}) == Exception::kIllegalFunction);
+  CHECK(client.write(1016, {100}) == Exception::kLocked);
   CHECK(client.write(1004, {4711}) == Exception::kNone);
   CHECK(client.write(1016, {100}, 29 * kSecond) == Exception::kNone);
-  CHECK(client.read(1004, 29 * kSecond) == 1);
-  CHECK(client.write(1004, {4711}, 29 * kSecond) == Exception::kNone);
-  CHECK(client.write(1016, {101}, 58 * kSecond) == Exception::kNone);
-  CHECK(client.write(1016, {102}, 59 * kSecond) == Exception::kIllegalFunction);
-  CHECK(client.read(1004, 60 * kSecond) == 0);
+  CHECK(client.read(1004, 29 * kSecond) == 30);
+  CHECK(client.write(1006, {1}, 58 * kSecond) == Exception::kNone);
+  CHECK(client.write(1016, {101}, 87 * kSecond) == Exception::kNone);
+  CHECK(client.write(1016, {102}, 117 * kSecond) == Exception::kLocked);
+  CHECK(client.read(1004, 118 * kSecond) == 0);
   CHECK(client.read(1016) == 101);
 }
 
-TEST_CASE("control: 16 clients can be unlocked at once; one more replaces the one unlocked first") {
+TEST_CASE("control: 16 clients can be unlocked at once; one more replaces the one whose unlock ends first") {
   Control control;
   for (std::uint32_t n = 1; n <= 17; ++n)
     CHECK(Client(control, n).write(1004, {kDefaultWriteKey}, n) == Exception::kNone);
-  CHECK(Client(control, 1).write(1016, {100}, 18) == Exception::kIllegalFunction);
+  CHECK(Client(control, 1).write(1016, {100}, 18) == Exception::kLocked);
   for (std::uint32_t n = 2; n <= 17; ++n) CHECK(Client(control, n).write(1016, {100}, 18) == Exception::kNone);
 }
 
@@ -64,37 +64,82 @@ TEST_CASE("control: settings written together are checked together, and an inval
   CHECK(control.settings()[kGentleOn] == 200);
 }
 
-TEST_CASE("control: a command starts when its number is written, and only once") {
+TEST_CASE("control: command and number are written together or not at all") {
   Control control;
   Client client(control);
   client.write(1004, {kDefaultWriteKey});
-  CHECK(client.write(1000, {2}) == Exception::kNone);
+  CHECK(client.write(1000, {7}) == Exception::kIllegalAddress);
+  CHECK(client.write(1001, {1}) == Exception::kIllegalAddress);
+  CHECK(client.write(1000, {99, 2}) == Exception::kIllegalValue);
+  CHECK(client.write(1000, {2, 0}) == Exception::kIllegalValue);  // 0 means that there is none
   CHECK_FALSE(control.take_command());
-  CHECK(client.write(1001, {1}) == Exception::kNone);
+  CHECK(client.read(1000) == 0);
+  CHECK(client.write(1000, {2, 1}) == Exception::kNone);
   CHECK(control.take_command() == Command::kSave);
-  CHECK_FALSE(control.take_command());
+  CHECK(client.read(1002) == 0);
   control.finish(CommandResult::kFailed);
+  CHECK(client.read(1000) == 2);
+  CHECK(client.read(1001) == 1);
   CHECK(client.read(1002) == 1);
   CHECK(client.read(1003) == 3);
-  CHECK(client.write(1001, {1}) == Exception::kNone);
-  CHECK_FALSE(control.take_command());
-  CHECK(client.write(1000, {99, 2}) == Exception::kIllegalValue);
-  CHECK_FALSE(control.take_command());
-  CHECK(client.read(1001) == 1);
 }
 
 TEST_CASE("control: while one client's command runs, the other client's writes get busy") {
   Control control;
   Client first(control, 1), second(control, 2);
   first.write(1004, {kDefaultWriteKey});
-  second.write(1004, {kDefaultWriteKey});
   CHECK(first.write(1000, {1, 5}) == Exception::kNone);
+  CHECK(second.write(1004, {kDefaultWriteKey}) == Exception::kNone);
   CHECK(second.write(1000, {1, 6}) == Exception::kBusy);
   CHECK(second.write(1016, {5}) == Exception::kBusy);
+  CHECK(second.write(1006, {5}) == Exception::kNone);
   CHECK(control.take_command() == Command::kZero);
   CHECK(second.write(1000, {1, 6}) == Exception::kBusy);
   control.finish(CommandResult::kDone);
   CHECK(second.write(1000, {1, 6}) == Exception::kNone);
+}
+
+TEST_CASE("control: an exclusive writer is shown, and others are busy until it ends or its unlock does") {
+  Control control;
+  Client plc(control, 0xC0A80007), other(control, 2);
+  plc.write(1004, {kDefaultWriteKey});
+  other.write(1004, {kDefaultWriteKey});
+  CHECK(plc.write(1009, {2}) == Exception::kIllegalValue);
+  CHECK(plc.write(1009, {1}) == Exception::kNone);
+  CHECK(other.read(1009) == 1);
+  CHECK(other.read(1206) == 0xC0A8);
+  CHECK(other.read(1207) == 0x0007);
+  CHECK(other.write(1016, {100}) == Exception::kBusy);
+  CHECK(other.write(1009, {0}) == Exception::kBusy);
+  CHECK(other.write(1000, {3, 1}) == Exception::kBusy);
+  CHECK(other.write(1006, {1}) == Exception::kBusy);
+  CHECK(plc.write(1016, {100}) == Exception::kNone);
+  CHECK(plc.write(1009, {0}) == Exception::kNone);
+  CHECK(other.read(1207) == 0);
+  CHECK(other.write(1016, {101}) == Exception::kNone);
+  CHECK(plc.write(1009, {1}) == Exception::kNone);
+  CHECK(other.write(1016, {102}, 29 * kSecond) == Exception::kBusy);
+  CHECK(other.write(1016, {102}, 31 * kSecond) == Exception::kNone);  // its own unlock was renewed at 29 s
+}
+
+TEST_CASE("control: the master is lost when register 1006 is not written in time, and back when it is") {
+  constexpr std::int64_t kMs = 1'000'000;
+  Control control;
+  Client client(control);
+  client.write(1004, {kDefaultWriteKey}, kSecond);
+  CHECK_FALSE(control.is_master_lost(1000 * kSecond));  // off by default
+  CHECK(client.write(1022, {500}, kSecond) == Exception::kNone);
+  CHECK_FALSE(control.is_master_lost(2 * kSecond));  // counts from now on
+  CHECK_FALSE(control.is_master_lost(2 * kSecond + 500 * kMs));
+  CHECK(control.is_master_lost(2 * kSecond + 501 * kMs));
+  CHECK(client.write(1006, {7}, 3 * kSecond) == Exception::kNone);
+  CHECK(client.read(1006) == 7);
+  CHECK_FALSE(control.is_master_lost(3 * kSecond + 500 * kMs));
+  CHECK(client.write(1006, {7}, 3 * kSecond + 500 * kMs) == Exception::kNone);  // any value, also the same
+  CHECK_FALSE(control.is_master_lost(4 * kSecond));
+  CHECK(control.is_master_lost(4 * kSecond + 1 * kMs));
+  CHECK(client.write(1022, {0}, 5 * kSecond) == Exception::kNone);
+  CHECK_FALSE(control.is_master_lost(100 * kSecond));
 }
 
 TEST_CASE("network: an address contains itself, a network its addresses") {
@@ -149,4 +194,17 @@ TEST_CASE("control: while clients write and the loop reads, every command is car
   reader.join();
   CHECK(taken == kCommands);
   CHECK(whole);
+}
+
+TEST_CASE("control: a block is stalled by its age, and while the camera has a fault by the time of its publication") {
+  Control control;
+  control.set_stale_after(300);
+  RegisterImage image;
+  control.note_publication(1000);
+  CHECK_FALSE(control.is_stalled(image, 5000));  // nothing was measured yet
+  image.exposure_ns = 100;
+  CHECK(control.is_stalled(image, 1000));
+  image.words[0] = kCameraFault;
+  CHECK_FALSE(control.is_stalled(image, 1300));
+  CHECK(control.is_stalled(image, 1301));
 }

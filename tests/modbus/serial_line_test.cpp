@@ -155,7 +155,7 @@ TEST_CASE("serial line: writes are answered, and broadcast writes are carried ou
   Served served(bus.device());
   REQUIRE(served.reports.wait_for("is open"));
   const Bytes key = sealed(hex("11 06 03EC 4653"));
-  CHECK(bus.ask(sealed(hex("11 06 03F8 0064")), 5) == sealed(hex("11 86 01")));
+  CHECK(bus.ask(sealed(hex("11 06 03F8 0064")), 5) == sealed(hex("11 86 04")));
   CHECK(bus.ask(key, 8) == key);
   CHECK(bus.ask(sealed(hex("11 10 03F2 0002 04 0028 001E")), 8) == sealed(hex("11 10 03F2 0002")));
   CHECK(bus.ask(sealed(hex("11 17 03F2 0001 03F8 0001 02 0065")), 7) == sealed(hex("11 17 02 0028")));

@@ -73,10 +73,10 @@ const std::vector<Exchange>& exchanges() {
       {"identification, unknown code", hex("0029 0000 0005 01 2B 0E 05 00"), hex("0029 0000 0003 01 AB 03")},
       {"identification too short", hex("002A 0000 0003 01 2B 0E"), hex("002A 0000 0003 01 AB 03")},
       {"settings", hex("002C 0000 0006 01 03 03F2 0003"), hex("002C 0000 0009 01 03 06 0014 000A 00C8")},
-      {"last setting", hex("002D 0000 0006 01 04 03FD 0001"), hex("002D 0000 0005 01 04 02 0000")},
+      {"last setting", hex("002D 0000 0006 01 04 03FE 0001"), hex("002D 0000 0005 01 04 02 0000")},
       {"before the commands", hex("002E 0000 0006 01 03 03E7 0002"), hex("002E 0000 0003 01 83 02")},
-      {"behind the settings", hex("002F 0000 0006 01 03 03FD 0002"), hex("002F 0000 0003 01 83 02")},
-      {"a locked write", hex("0030 0000 0006 01 06 03F2 0032"), hex("0030 0000 0003 01 86 01")},
+      {"behind the settings", hex("002F 0000 0006 01 03 03FE 0002"), hex("002F 0000 0003 01 83 02")},
+      {"a locked write", hex("0030 0000 0006 01 06 03F2 0032"), hex("0030 0000 0003 01 86 04")},
       {"the wrong key", hex("0031 0000 0006 01 06 03EC 0001"), hex("0031 0000 0003 01 86 03")},
       {"the key", hex("0032 0000 0006 01 06 03EC 4653"), hex("0032 0000 0006 01 06 03EC 4653")},
       {"a write", hex("0033 0000 0006 01 06 03F2 0032"), hex("0033 0000 0006 01 06 03F2 0032")},
@@ -95,8 +95,19 @@ const std::vector<Exchange>& exchanges() {
        hex("003D 0000 0003 01 97 02")},
       {"which wrote nothing", hex("003E 0000 0006 01 03 03F2 0001"), hex("003E 0000 0005 01 03 02 0032")},
       {"the former value again", hex("003F 0000 0006 01 06 03F2 0014"), hex("003F 0000 0006 01 06 03F2 0014")},
-      {"a wrong key locks", hex("0040 0000 0006 01 06 03EC 0001"), hex("0040 0000 0003 01 86 03")},
-      {"locked again", hex("0041 0000 0006 01 06 03F2 0014"), hex("0041 0000 0003 01 86 01")},
+      {"a command without its number", hex("0040 0000 0006 01 06 03E8 0007"), hex("0040 0000 0003 01 86 02")},
+      {"a number without its command", hex("0041 0000 0006 01 06 03E9 0007"), hex("0041 0000 0003 01 86 02")},
+      {"a number without its command, function 16", hex("0042 0000 0009 01 10 03E9 0001 02 0007"),
+       hex("0042 0000 0003 01 90 02")},
+      {"a command with number 0", hex("0043 0000 000B 01 10 03E8 0002 04 0003 0000"), hex("0043 0000 0003 01 90 03")},
+      {"last register of the history", hex("0044 0000 0006 01 03 04E1 0001"), hex("0044 0000 0005 01 03 02 0000")},
+      {"behind the history", hex("0045 0000 0006 01 03 04E1 0002"), hex("0045 0000 0003 01 83 02")},
+      {"a write to the history", hex("0046 0000 0006 01 06 04B0 0001"), hex("0046 0000 0003 01 86 02")},
+      {"in the diagnostics: the firmware's version", hex("0047 0000 0006 01 04 0BFE 0001"),
+       hex("0047 0000 0005 01 04 02 '" + std::string(FINSIGHT_VERSION).substr(0, 2) + "'")},
+      {"behind the diagnostics", hex("0048 0000 0006 01 03 0C2E 0002"), hex("0048 0000 0003 01 83 02")},
+      {"before the diagnostics", hex("0049 0000 0006 01 03 0BB7 0001"), hex("0049 0000 0003 01 83 02")},
+      {"a write to the diagnostics", hex("004A 0000 0006 01 06 0BB8 0001"), hex("004A 0000 0003 01 86 02")},
       {"another encapsulated interface", hex("002B 0000 0005 01 2B 0D 01 00"), hex("002B 0000 0003 01 AB 01")},
   };
   return list;
@@ -133,9 +144,9 @@ TEST_CASE(
   Served served;
   Connection client(served.port());
   const auto [requests, replies] = all_exchanges();
-  REQUIRE(client.send(requests + requests));
+  REQUIRE(client.send(requests + kReadOne));
   ::shutdown(client.fd(), SHUT_WR);
-  CHECK(client.receive(2 * replies.size()) == replies + replies);
+  CHECK(client.receive(replies.size() + kReadOneReply.size()) == replies + kReadOneReply);
   CHECK(client.is_closed_by_server());
 }
 

@@ -29,12 +29,17 @@ chord_steps = 3
 address = "0.0.0.0"
 port = 15020
 max_clients = 7
+max_per_address = 3
+reserve = []
 idle_limit_s = 5
 word_order = "CDAB"
 unit = 9
 allow = ["10.1.0.0/16", "10.2.0.3"]
 allow_writes = ["10.2.0.3"]
 write_key = 4711
+[device]
+serial_number = "FS-0042"
+calibration_date = "2026-11-22"
 [storage]
 settings = "state.toml"
 recordings = "/data/recordings"
@@ -108,6 +113,12 @@ TEST_CASE("settings: every key arrives") {
   CHECK(settings.modbus.address == "0.0.0.0");
   CHECK(settings.modbus.port == 15020);
   CHECK(settings.modbus.max_clients == 7);
+  CHECK(settings.modbus.max_per_address == 3);
+  CHECK(settings.modbus.reserve.empty());
+  CHECK(read(replaced(kFull, "reserve = []", "reserve = [\"10.1.0.9\", \"10.2.0.3\", \"10.1.0.9\"]")).modbus.reserve ==
+        std::vector<std::uint32_t>{0x0A010009, 0x0A020003});
+  CHECK(settings.serial_number == "FS-0042");
+  CHECK(settings.calibration_date == 20261122);
   CHECK(settings.modbus.idle_limit_s == 5);
   REQUIRE(settings.modbus.serial);
   CHECK(settings.modbus.serial->device == "/dev/ttyS1");
@@ -210,6 +221,20 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
   check_refused("allow_writes = [\"10.2.0.3\"]", "allow_writes = \"10.2.0.3\"",
                 "modbus.allow_writes: found '10.2.0.3'");
   check_refused("allow_writes = [\"10.2.0.3\"]", "allow_writes = [3]", "modbus.allow_writes: found [ 3 ]");
+  check_refused("reserve = []", "reserve = [\"10.1.0.0/24\"]", "modbus.reserve: found a network, expected addresses");
+  check_refused("reserve = []", "reserve = [\"10.2.0.4\"]", "modbus.reserve: an address that `allow` does not");
+  check_refused(
+      "reserve = []",
+      "reserve = [\"10.1.0.1\",\"10.1.0.2\",\"10.1.0.3\",\"10.1.0.4\",\"10.1.0.5\",\"10.1.0.6\",\"10.1.0.7\"]",
+      "modbus.reserve: found 7 addresses, expected fewer than max_clients, which is 7");
+  check_refused("max_per_address = 3", "max_per_address = 65",
+                "modbus.max_per_address: found 65, expected a whole number");
+  check_refused("serial_number = \"FS-0042\"", "serial_number = \"F\u00fc\"",
+                "device.serial_number: found \"F\u00fc\", expected at most 32 ASCII");
+  for (const char* date : {"22.11.2026", "2026-02-30", "2026-1-1", "2026-11-2x", "-026-11-22"}) {
+    check_refused("calibration_date = \"2026-11-22\"", std::string("calibration_date = \"") + date + "\"",
+                  std::string("device.calibration_date: found \"") + date + "\", expected a date");
+  }
   check_refused("device = \"/dev/ttyS1\"", "device = \"ttyS1\"",
                 "modbus.serial.device: found \"ttyS1\", expected a device's");
   check_refused("baud = 9600", "baud = 9601", "modbus.serial.baud: found 9601, expected 1200, 2400");

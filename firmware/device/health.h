@@ -1,0 +1,29 @@
+// How the frame loop is doing, for the diagnostics registers.
+#pragma once
+
+#include "firmware/modbus/control.h"
+#include "firmware/types.h"
+
+namespace finsight {
+
+/// For the frame loop's thread. Neither allocates nor waits.
+class Health {
+ public:
+  explicit Health(Control& control) : control_(control) {}
+  struct Counts {
+    std::uint32_t frames = 0, dropped = 0, camera_losses = 0;
+  };
+  /// After each turn of the loop, which worked from `began_ns` to `ended_ns` (steady clock) and published `image`.
+  /// `has_frame`: there was one. A turn that begins later than a block may be old was a stall.
+  void note(const RegisterImage& image, bool has_frame, std::int64_t began_ns, std::int64_t ended_ns,
+            const Counts& counts);
+
+ private:
+  static constexpr std::int64_t kWindow_ns = 1'000'000'000;
+  Control& control_;
+  LoopHealth health_;
+  std::int64_t window_began_ns_ = 0, window_busy_ns_ = 0, last_ended_ns_ = 0;
+  std::uint32_t window_frames_ = 0;
+};
+
+}  // namespace finsight
