@@ -46,6 +46,7 @@ void rewrite_section(const fs::path& file, const std::string& name, const std::s
 void update_tree(const fs::path& root) {
   write_plc_files(root / "hostgen/plc");
   rewrite_section(root / "scripts/finsightctl", "register table", finsightctl_table());
+  rewrite_section(root / "hostgen/plc/README.md", "faults", faults_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "measurements", measurements_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "control", control_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "process", process_markdown());

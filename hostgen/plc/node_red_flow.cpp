@@ -87,6 +87,19 @@ std::string json_string(std::string_view text) {
   return json + "\"";
 }
 
+// Numbers 20000 to 29999 are this flow's; one that another client has used would be refused.
+constexpr const char* kNewNumber = R"(const last = flow.get('number') || 20000 + Math.floor(Math.random() * 9999);
+const number = last < 29999 ? last + 1 : 20000;
+flow.set('number', number);
+msg.payload = [msg.payload, number];
+return msg;)";
+constexpr const char* kOwnResult = R"(const [number, command, result] = msg.payload;
+const isOurs = number === flow.get('number') && number !== flow.get('told');
+if (!isOurs || result === $RUNNING) return null;
+flow.set('told', number);
+msg.payload = {command, result};
+return msg;)";
+
 // $NAME stands for what comes from the table.
 constexpr const char* kFlow = R"([
  {"id": "finsight-tab", "type": "tab", "label": "Finsight"},
@@ -123,6 +136,25 @@ constexpr const char* kFlow = R"([
   "showStatusActivities": false, "showErrors": true, "unitid": "1", "dataType": "MHoldingRegisters",
   "adr": "$HOLD_TIME_ADDRESS", "quantity": "2", "server": "finsight-dev", "emptyMsgOnFail": true,
   "wires": [["finsight-w2"], []], "x": 700, "y": 160},
+ {"id": "finsight-order", "type": "inject", "z": "finsight-tab", "once": false, "onceDelay": 2, "repeat": "",
+  "payload": "$TARE", "payloadType": "num", "wires": [["finsight-number"]], "x": 100, "y": 320,
+  "name": "command: tare the deformation; unlock first"
+},
+ {"id": "finsight-number", "type": "function", "z": "finsight-tab", "name": "command and a new number",
+  "func": $NEW_NUMBER,
+  "outputs": 1, "wires": [["finsight-command"]], "x": 350, "y": 320},
+ {"id": "finsight-command", "type": "modbus-write", "z": "finsight-tab", "name": "command",
+  "showStatusActivities": false, "showErrors": true, "unitid": "1", "dataType": "MHoldingRegisters",
+  "adr": "$COMMAND_ADDRESS", "quantity": "2", "server": "finsight-dev", "emptyMsgOnFail": true,
+  "wires": [["finsight-w2"], []], "x": 600, "y": 320},
+ {"id": "finsight-own", "type": "modbus-read", "z": "finsight-tab", "name": "own number, command, result", "topic": "",
+  "showStatusActivities": false, "logIOActivities": false, "showErrors": true, "showWarnings": true, "unitid": "1",
+  "dataType": "HoldingRegister", "adr": "$OWN_ADDRESS", "quantity": "3", "rate": "200", "rateUnit": "ms",
+  "delayOnStart": false, "startDelayTime": "", "server": "finsight-dev", "useIOFile": false, "ioFile": "",
+  "useIOForPayload": false, "emptyMsgOnFail": false, "wires": [["finsight-result"], []], "x": 400, "y": 400},
+ {"id": "finsight-result", "type": "function", "z": "finsight-tab", "name": "result of ours",
+  "func": $OWN_RESULT,
+  "outputs": 1, "wires": [["finsight-w2"]], "x": 600, "y": 400},
  {"id": "finsight-w2", "type": "debug", "z": "finsight-tab", "name": "written", "active": true, "tosidebar": true,
   "console": false, "complete": "payload", "wires": [], "x": 100, "y": 240}
 ]
@@ -140,6 +172,12 @@ std::string node_red_flow(const RegisterTable& table) {
   fill_in("$SCALING", json_string(scaling(table)));
   fill_in("$KEY_ADDRESS", std::to_string(kKeyRegister));
   fill_in("$KEY", std::to_string(kDefaultWriteKey));
+  fill_in("$TARE", std::to_string(value_named("command", "tare_deformation")));
+  fill_in("$COMMAND_ADDRESS", std::to_string(kCommandRegister));
+  fill_in("$OWN_ADDRESS", std::to_string(address_of("own_sequence")));
+  fill_in("$NEW_NUMBER", json_string(kNewNumber));
+  fill_in("$OWN_RESULT", json_string(kOwnResult));
+  fill_in("$RUNNING", std::to_string(value_named("own_result", "running")));
   fill_in("$HOLD_TIME_ADDRESS", std::to_string(address_of("hold_time")));
   return flow;
 }

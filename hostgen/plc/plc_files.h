@@ -16,6 +16,9 @@ std::string process_markdown(const RegisterTable& table = kRegisterTable);
 std::string history_markdown(const RegisterTable& table = kRegisterTable);
 std::string diagnostics_markdown(const RegisterTable& table = kRegisterTable);
 
+/// A Markdown table of faults: cause, effect, what ends them, what to do.
+std::string faults_markdown(const RegisterTable& table = kRegisterTable);
+
 /// Comma-separated values (RFC 4180, ASCII), for import into a PLC's programming tool. Column `invalid` holds the value
 /// that means "not valid", column `values` bits and codes as "0=ready;1=touch_valid".
 std::string registers_csv(const RegisterTable& table = kRegisterTable);

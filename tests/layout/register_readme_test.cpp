@@ -30,6 +30,11 @@ TEST_CASE("register README: its tables are those of the code") {
   CHECK_MESSAGE(with_section(readme, "diagnostics", diagnostics_markdown()) == readme, kHint);
 }
 
+TEST_CASE("guide for PLCs: its table of faults is that of the code") {
+  const std::string guide = stored("hostgen/plc/README.md");
+  CHECK_MESSAGE(with_section(guide, "faults", faults_markdown()) == guide, kHint);
+}
+
 TEST_CASE("finsightctl: its register table is that of the code") {
   const std::string program = stored("scripts/finsightctl");
   CHECK_MESSAGE(with_section(program, "register table", finsightctl_table()) == program, kHint);

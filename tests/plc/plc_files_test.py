@@ -4,7 +4,10 @@
 usage: plc_files_test.py [unittest arguments]
 """
 import csv
+import json
 import re
+import shutil
+import subprocess
 import unittest
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -78,6 +81,38 @@ class Siemens(unittest.TestCase):
             body = re.sub(r"SHL\(IN := (.*?), N := 16\)", r"SHL(\1, 16)", body)
             body = body.replace("DWORD_TO_REAL(", "FC_FinsightReal(")
             self.assertEqual(body, body_of(st, ours).replace("#", ""))
+
+
+class NodeRed(unittest.TestCase):
+    def setUp(self):
+        if not shutil.which("node"):
+            self.skipTest("node is not installed")
+        self.nodes = {node["id"]: node for node in json.loads((FOLDER / "Finsight.node-red.json").read_text())}
+
+    def run_functions(self, script):
+        """What the script's `out` holds at its end; call(id, payload) runs a function node with one flow memory."""
+        functions = {name: node["func"] for name, node in self.nodes.items() if node["type"] == "function"}
+        program = f"""const functions = {json.dumps(functions)}, memory = {{}}, out = [];
+const flow = {{get: key => memory[key], set: (key, value) => {{ memory[key] = value; }}}};
+const call = (id, payload) => {{ const msg = new Function('msg', 'flow', functions[id])({{payload}}, flow);
+  return msg && msg.payload; }};
+{script}
+console.log(JSON.stringify(out));"""
+        return json.loads(subprocess.run(["node", "-e", program], capture_output=True, text=True, check=True).stdout)
+
+    def test_commands_have_new_numbers_and_their_own_results(self):
+        first, second, results = self.run_functions("""
+const a = call('finsight-number', 9), b = call('finsight-number', 9);
+out.push(a, b, [[1, 9, 0], [b[1], 9, 4], [b[1], 9, 1], [b[1], 9, 1]].map(own => call('finsight-result', own)));""")
+        self.assertEqual((first[0], second[0]), (9, 9))
+        self.assertNotEqual(first[1], second[1])
+        self.assertTrue(20000 <= second[1] <= 29999)
+        self.assertEqual(results, [None, None, {"command": 9, "result": 1}, None])
+
+    def test_every_wire_ends_at_a_node(self):
+        for node in self.nodes.values():
+            for wire in sum(node.get("wires", []), []):
+                self.assertIn(wire, self.nodes)
 
 
 class TagLists(unittest.TestCase):

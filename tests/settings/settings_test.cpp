@@ -15,6 +15,8 @@ namespace {
 const std::string kFull = R"(pack = "finger.safetensors"
 hold_time_ms = 150
 smoothing_ms = 40
+lowpass_hz = 2.5
+grip_change = 4.5
 [source]
 kind = "poses"
 path = "/data/touches.csv"
@@ -43,6 +45,8 @@ calibration_date = "2026-11-22"
 [storage]
 settings = "state.toml"
 recordings = "/data/recordings"
+record_max_s = 30
+record_reserve_mb = 7
 [modbus.serial]
 device = "/dev/ttyS1"
 baud = 9600
@@ -102,6 +106,10 @@ TEST_CASE("settings: every key arrives") {
   CHECK(settings.pack == folder / "finger.safetensors");  // relative to the file
   CHECK(settings.loop.runtime[kHoldTime] == 150);
   CHECK(settings.loop.smoothing_ms == 40);
+  CHECK(settings.loop.runtime[kLowpass] == 25);
+  CHECK(settings.loop.runtime[kGripChange] == 45);
+  CHECK(settings.record_max_s == 30);
+  CHECK(settings.record_reserve_mb == 7);
   CHECK(settings.source == Settings::Source::kPoses);
   CHECK(settings.replay.path == "/data/touches.csv");
   CHECK(settings.replay.recording == "161922");
@@ -249,6 +257,8 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
         Range{"factorisations = 2", "shape.factorisations", 1, 10}, Range{"chord_steps = 3", "shape.chord_steps", 0, 5},
         Range{"port = 15020", "modbus.port", 0, 65535}, Range{"max_clients = 7", "modbus.max_clients", 1, 64},
         Range{"idle_limit_s = 5", "modbus.idle_limit_s", 1, 86400}, Range{"unit = 9", "modbus.unit", 0, 247},
+        Range{"record_max_s = 30", "storage.record_max_s", 1, 65535},
+        Range{"record_reserve_mb = 7", "storage.record_reserve_mb", 0, 1000000},
         Range{"write_key = 4711", "modbus.write_key", 1, 65535},
         Range{"stop_bits = 2", "modbus.serial.stop_bits", 1, 2}, Range{"unit = 42", "modbus.serial.unit", 1, 247}}) {
     const std::string line = range.line, name = line.substr(0, line.find('=')) + "= ";
@@ -273,7 +283,7 @@ TEST_CASE("settings: unknown keys and tables are refused by name") {
 
 TEST_CASE("settings: a recording can only be chosen from poses") {
   CHECK_THROWS_WITH_AS(read(replaced(kFull, "kind = \"poses\"", "kind = \"session\"")),
-                       doctest::Contains("board.toml:7: source.recording: found an unknown key"), InputError);
+                       doctest::Contains("board.toml:9: source.recording: found an unknown key"), InputError);
 }
 
 TEST_CASE("settings: a required key that is missing is named") {

@@ -135,6 +135,23 @@ const ModbusRTU = require('modbus-serial');
         self.assertEqual(ctl(self.port, "do", "dance").returncode, 2)
         self.assertEqual(ctl(1, "show").returncode, 1)
 
+    def test_finsightctl_takes_options_anywhere_and_names_a_wrong_key(self):
+        ctl = SOURCE / "scripts" / "finsightctl"
+        for words in (("--port", self.port, "set", "127.0.0.1", "hold_time=160"),
+                      ("set", "--port", self.port, "127.0.0.1", "hold_time=161", "--key", KEY),
+                      ("set", "127.0.0.1", "hold_time=162", "--port", self.port, "contact_on=0.4", "lowpass=2.5")):
+            answer = run(ctl, *words)
+            self.assertEqual(answer.returncode, 0, answer.stderr)
+        shown = run(ctl, "show", "127.0.0.1", "--port", self.port).stdout
+        self.assertIn("hold_time              162 ms", shown)
+        self.assertIn("lowpass                2.5 Hz", shown)
+        wrong = run(ctl, "set", "127.0.0.1", "hold_time=163", "--port", self.port, "--key", 4711)
+        self.assertEqual(wrong.returncode, 1)
+        self.assertIn("4711 is not the device's key", wrong.stderr)
+        unknown = run(ctl, "show", "127.0.0.1", "--prot", self.port)
+        self.assertEqual(unknown.returncode, 2)
+        self.assertIn("--prot", unknown.stderr)
+
     def test_finsightctl_is_one_file_that_works_anywhere(self):
         copy = shutil.copy(SOURCE / "scripts" / "finsightctl", self.folder.name)
         shown = run(copy, "show", "127.0.0.1", "--port", self.port, cwd="/")
