@@ -1,6 +1,7 @@
 #include "firmware/device/realtime.h"
 
 #include <sys/mman.h>
+#include <sys/resource.h>
 
 #include <cerrno>
 #include <cstring>
@@ -10,6 +11,8 @@
 namespace finsight {
 
 namespace {
+
+constexpr int kNiceOfFrameLoop = -10;
 
 void require(int result, const std::string& what) {
   if (result != 0) throw std::runtime_error(what + ": " + std::strerror(errno));
@@ -30,18 +33,24 @@ void make_realtime(const RealtimeSettings& settings) {
     const sched_param parameters{.sched_priority = settings.priority};
     require(sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters),
             "realtime.priority = " + std::to_string(settings.priority));
+  } else {
+    // Before the server's thread and whatever else runs, where the system allows it; where it does not, no harm is
+    // done.
+    ::setpriority(PRIO_PROCESS, 0, kNiceOfFrameLoop);
   }
 }
 
 SchedulingSnapshot::SchedulingSnapshot() {
   CPU_ZERO(&cpus_);
   sched_getaffinity(0, sizeof cpus_, &cpus_);
+  nice_ = ::getpriority(PRIO_PROCESS, 0);
 }
 
 void SchedulingSnapshot::restore() const {
   sched_setaffinity(0, sizeof cpus_, &cpus_);
   const sched_param parameters{};
   sched_setscheduler(0, SCHED_OTHER | SCHED_RESET_ON_FORK, &parameters);
+  ::setpriority(PRIO_PROCESS, 0, nice_);
 }
 
 }  // namespace finsight

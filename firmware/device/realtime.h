@@ -8,7 +8,7 @@
 namespace finsight {
 
 /// Applies to the calling thread (the memory lock to the whole process). Throws std::runtime_error naming the setting
-/// that the system refuses.
+/// that the system refuses. Without a priority the thread becomes nice -10 where the system allows it.
 void make_realtime(const RealtimeSettings& settings);
 
 /// How the calling thread was scheduled before make_realtime(). It is restored before everything is started again,
@@ -20,6 +20,7 @@ class SchedulingSnapshot {
 
  private:
   cpu_set_t cpus_;
+  int nice_ = 0;
 };
 
 }  // namespace finsight

@@ -17,7 +17,7 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path pack, spec, folder, bench, dataset, recordings, soak;
+  std::filesystem::path pack, spec, folder, bench, dataset, recordings, soak, attacks;
   bool quick = false;
   std::vector<std::string> areas;
 };
@@ -44,6 +44,9 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     nlohmann::json& soak = figures["modbus"]["soak"];
     soak = {{"why", "no file of scripts/lib/soak.py was given"}};
     if (!options.soak.empty()) soak = read_figures(options.soak);
+    nlohmann::json attacks = {{"attack", {{"why", "no file of scripts/lib/attack.py was given"}}}};
+    if (!options.attacks.empty()) attacks = read_figures(options.attacks);
+    figures["modbus"].update(attacks);
     return figures;
   }
   if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.folder, options.quick);
@@ -91,6 +94,7 @@ void add_report_command(CLI::App& app) {
   command->add_option("--pack", options->pack, "model pack")->required();
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
   command->add_option("--soak", options->soak, "figures of scripts/lib/soak.py, for area modbus");
+  command->add_option("--attacks", options->attacks, "figures of scripts/lib/attack.py, for area modbus");
   command->add_option("--dataset", options->dataset, "the pack's finite-element states, for area touch");
   command->add_option("--recordings", options->recordings, "CSV of recorded touches, for area real");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();

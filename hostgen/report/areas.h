@@ -24,7 +24,7 @@ nlohmann::json measure_hard_cases(const Model& model, bool quick);
 /// is null.
 nlohmann::json measure_fem(const std::filesystem::path& spec, const nlohmann::json& built, bool quick);
 
-/// Time of one client's read of 40 registers over loopback, alone and beside a client whose requests are refused.
+/// Time of one client's read of 48 registers over loopback, alone and beside a client whose requests are refused.
 nlohmann::json measure_modbus(bool quick);
 
 /// Rendered images of one touch path, by preset and image size, through the firmware's stages: touch, force and

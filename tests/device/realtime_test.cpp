@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 #include <sched.h>
+#include <sys/resource.h>
 
 #include <atomic>
 #include <memory>
@@ -105,5 +106,18 @@ TEST_CASE("real time: the former scheduling can be restored for the next start")
 TEST_CASE("real time: a setting that the system refuses is named") {
   std::thread([] {
     CHECK_THROWS_WITH_AS(make_realtime({.cpu = 1023}), doctest::Contains("realtime.cpu = 1023: "), std::runtime_error);
+  }).join();
+}
+
+TEST_CASE(
+    "realtime: without a priority the frame loop is nicer to itself where it may, and as before after a restore") {
+  std::thread([] {
+    const int before = ::getpriority(PRIO_PROCESS, 0);
+    const SchedulingSnapshot snapshot;
+    const bool may = ::setpriority(PRIO_PROCESS, 0, before - 1) == 0 && ::setpriority(PRIO_PROCESS, 0, before) == 0;
+    make_realtime({});
+    CHECK(::getpriority(PRIO_PROCESS, 0) == (may ? -10 : before));
+    snapshot.restore();
+    CHECK(::getpriority(PRIO_PROCESS, 0) == before);
   }).join();
 }

@@ -179,6 +179,52 @@ const ModbusRTU = require('modbus-serial');
         self.assertEqual(scaled["fault_text"], "none")
         self.assertIsNone(scaled["temperature_real_degc"])
 
+    def test_a_master_that_stops_writing_is_a_fault_until_it_writes_again(self):
+        client = ModbusTcpClient("127.0.0.1", port=self.port, timeout=2)
+        self.assertTrue(client.connect())
+        self.assertFalse(client.write_register(1004, KEY, slave=1).isError())
+        self.assertFalse(client.write_register(1022, 1000, slave=1).isError())
+        def fault():
+            return client.read_holding_registers(0, 2, slave=1).registers
+        for value in range(15):  # 3 s
+            self.assertFalse(client.write_register(1006, value, slave=1).isError())
+            time.sleep(0.2)
+        self.assertEqual(fault()[1], 0)
+        lost = self.wait_for(fault, lambda words: words[1] == VALUES["fault"]["master_lost"])
+        self.assertTrue(lost[0] >> 15)
+        self.assertFalse(client.write_register(1006, 1, slave=1).isError())
+        self.wait_for(fault, lambda words: words[1] == 0)
+        self.assertFalse(client.write_register(1022, 0, slave=1).isError())
+        client.close()
+
+    def test_diagnostics_tell_who_and_how_the_device_is(self):
+        client = ModbusTcpClient("127.0.0.1", port=self.port, timeout=2)
+        self.assertTrue(client.connect())
+        def at(words, name, count=1):
+            return words[ADDRESS[name] - 3000:ADDRESS[name] - 3000 + count]
+        def read():
+            return client.read_holding_registers(3000, 119, slave=1).registers
+        words = self.wait_for(read, lambda words: at(words, "frame_rate")[0] != 65535)
+        self.assertAlmostEqual(at(words, "frame_rate")[0] / 100, 60, delta=10)
+        self.assertGreater(at(words, "uptime", 2)[1], 0)
+        self.assertEqual(at(words, "connections")[0], 1)
+        self.assertTrue(0 < at(words, "loop_load")[0] <= 1000)
+        self.assertEqual(at(words, "pack_checksum", 2), client.read_holding_registers(36, 2, slave=1).registers)
+        name = b"".join(word.to_bytes(2, "big") for word in at(words, "model_name", 16)).rstrip(b"\0")
+        self.assertIn(name.decode(), self.shown_name())
+        self.assertEqual(client.write_register(1004, 1, slave=1).exception_code, 3)
+        self.assertEqual(client.read_coils(0, 1, slave=1).exception_code, 1)
+        after = read()
+        self.assertEqual(at(after, "wrong_keys", 4), [0, 1, 0x7F00, 0x0001])
+        self.assertEqual(at(after, "exceptions_value", 2), [0, 1])
+        self.assertEqual(at(after, "exceptions_function", 2), [0, 1])
+        self.assertEqual(client.read_holding_registers(3000, 120, slave=1).exception_code, 2)
+        client.close()
+
+    def shown_name(self):
+        shown = ctl(self.port, "show")
+        return next(line for line in shown.stdout.splitlines() if " model_name " in line)
+
     def test_saved_settings_survive_a_reset_and_the_factory_settings_return_on_command(self):
         self.assertEqual(ctl(self.port, "set", "hold_time=77").returncode, 0)
         self.wait_for(lambda: ctl(self.port, "show").stdout, lambda shown: "unsaved" in shown)
