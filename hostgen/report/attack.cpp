@@ -132,9 +132,11 @@ class LawfulClient {
 };
 
 json measure(int port, int pid, double seconds, const std::function<std::unique_ptr<Attacker>()>& attack) {
+  const std::unique_ptr<Attacker> attacker = attack();
+  // The client stands for one on another machine: where the system allows it, it waits for no processor here.
+  ::setpriority(PRIO_PROCESS, 0, -15);
   LawfulClient client(port);
   for (int i = 0; i < 100; ++i) client.read();
-  const std::unique_ptr<Attacker> attacker = attack();
   std::this_thread::sleep_for(std::chrono::milliseconds(500));
   const double process_before = process_cpu_s(pid), client_before = thread_cpu_s(),
                attacker_before = attacker ? attacker->cpu_s.load() : 0;
@@ -155,6 +157,7 @@ json measure(int port, int pid, double seconds, const std::function<std::unique_
     elapsed = std::chrono::duration<double>(answered - start).count();
     next = std::max(next, answered);
   }
+  ::setpriority(PRIO_PROCESS, 0, 0);
   std::sort(us.begin(), us.end());
   const auto percentile = [&](double share) {
     return us[static_cast<std::size_t>(share * static_cast<double>(us.size() - 1))];

@@ -60,7 +60,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     require(are_valid(control.settings()));
     // The transaction id decides whether the frame loop takes a command now, and what its result is.
     if (const auto command = bytes[at] & 1 ? control.take_command() : std::nullopt) {
-      require(*command <= Command::kFactory);
+      require(static_cast<std::uint16_t>(*command) <= control_row(kCommandRegister).highest);
       control.finish(static_cast<CommandResult>(bytes[at + 1] & 3));
     }
     // The unit decides whether the client goes and comes back, or another one of its address takes over.
