@@ -221,10 +221,10 @@ TEST_CASE("server: a client that reads slowly gets all the answers to what it pi
   Served served;
   Connection slow(served.port(), 4096);
   Bytes requests;
-  constexpr std::size_t kRequests = 1000, kReply = 9 + 96;  // 105 kB: more than the kernel's buffers hold
+  constexpr std::size_t kRequests = 4000, kReply = 9 + 96;  // 420 kB: more than the kernel's buffers hold
   for (std::size_t i = 0; i < kRequests; ++i) requests = requests + hex("0001 0000 0006 01 03 0000 0030");
   REQUIRE(slow.send(requests));
-  std::this_thread::sleep_for(300ms);
+  std::this_thread::sleep_for(1500ms);
   CHECK(slow.receive(kRequests * kReply).size() == kRequests * kReply);
   Connection other(served.port());
   CHECK(is_answered(other));
