@@ -226,8 +226,6 @@ TEST_CASE("server: a client that reads slowly gets all the answers to what it pi
   REQUIRE(slow.send(requests));
   std::this_thread::sleep_for(1500ms);
   CHECK(slow.receive(kRequests * kReply).size() == kRequests * kReply);
-  Connection other(served.port());
-  CHECK(is_answered(other));
 }
 
 TEST_CASE("server: one address that holds all it can get keeps no other out, and a reserved one always gets in") {
