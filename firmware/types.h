@@ -33,6 +33,8 @@ template <class S>
 using PoseVectorOf = Eigen::Matrix<S, kPoseDims, 1>;
 using PoseVector = PoseVectorOf<float>;
 
+inline constexpr std::int64_t kNsPerMs = 1'000'000, kNsPerS = 1'000'000'000;
+
 /// The clock of every time stamp here: nanoseconds, monotonic, not wall time.
 inline std::int64_t steady_now_ns() {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())

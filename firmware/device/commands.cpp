@@ -25,7 +25,6 @@ Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorde
 void Commands::poll() {
   settings_ = control_.settings();
   loop_.use(settings_);
-  constexpr std::int64_t kNsPerMs = 1'000'000;
   control_.set_stale_after(kNsPerMs * settings_[kHoldTime] + frame_timeout_ns_);
   if (!is_running_) {
     if (const auto ordered = control_.take_command()) {

@@ -19,7 +19,7 @@ class Health {
             const Counts& counts);
 
  private:
-  static constexpr std::int64_t kWindow_ns = 1'000'000'000;
+  static constexpr std::int64_t kWindow_ns = kNsPerS;
   Control& control_;
   LoopHealth health_;
   std::int64_t window_began_ns_ = 0, window_busy_ns_ = 0, last_ended_ns_ = 0;

@@ -31,8 +31,7 @@ OutputLevels output_levels(std::uint16_t status, bool light, const OutputLevels&
 }
 
 const OutputLevels& OutputFilter::next(std::uint16_t status, const RuntimeSettings& settings, std::int64_t now_ns) {
-  constexpr std::int64_t kNsPerMs = 1'000'000;
-  const OutputLevels wanted = output_levels(status, settings[kLight] != 0, safe_);
+  const OutputLevels wanted = output_levels(status, settings[kLight] == value_named("light", "on"), safe_);
   const bool at_once = (status & kAnyFault) || settings[kOutputDebounce] == 0;
   for (std::size_t i = 0; i < kOutputs; ++i) {
     std::int64_t& since = changing_since_ns_[i];

@@ -8,6 +8,8 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "firmware/types.h"
+
 namespace finsight {
 
 Supervisor::Supervisor() {
@@ -32,8 +34,7 @@ Supervisor::~Supervisor() {
 void Supervisor::ready() const { send("READY=1"); }
 
 void Supervisor::alive(std::int64_t now_ns, bool is_measuring) {
-  constexpr std::int64_t kBetween_ns = 1'000'000'000;
-  if (now_ns - last_alive_ns_ < kBetween_ns) return;
+  if (now_ns - last_alive_ns_ < kNsPerS) return;  // the supervisor need not hear of every frame
   last_alive_ns_ = now_ns;
   send(is_measuring ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
 }

@@ -9,10 +9,10 @@ const PlatePoses& Hold::poses(const PlatePoses& measured, std::int64_t now_ns, c
     is_over_ = false;
     return poses_;
   }
-  constexpr std::int64_t kNsPerMs = 1'000'000;
   if (now_ns - measured_ns_ > kNsPerMs * settings[kHoldTime]) is_over_ = true;
   if (poses_.quality == Quality::kInvalid) return poses_;
-  poses_.quality = is_over_ && settings[kAfterHold] == 0 ? Quality::kInvalid : Quality::kHeld;
+  const bool invalidates = settings[kAfterHold] == value_named("after_hold", "invalidate");
+  poses_.quality = is_over_ && invalidates ? Quality::kInvalid : Quality::kHeld;
   poses_.seen = measured.seen;
   return poses_;
 }

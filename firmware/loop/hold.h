@@ -1,5 +1,5 @@
-// The one place that decides what is fresh, held or invalid: during short gaps (a shadow, a lost frame) the
-// last measured values are repeated, marked as held; after longer ones they are invalid.
+// The one place that decides what is fresh, held or invalid: during short gaps (a shadow, a lost frame) the last
+// measured values are repeated, marked as held; after longer ones they are invalid.
 #pragma once
 
 #include <cstdint>

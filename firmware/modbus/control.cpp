@@ -58,7 +58,6 @@ void Control::read_history(std::span<std::uint16_t, kHistoryRegisters> words, co
 }
 
 std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_t now_ns) const {
-  constexpr std::int64_t kSecond_ns = 1'000'000'000;
   switch (address) {
     case kCommandRegister:
       return history_.last_given().command;
@@ -70,7 +69,7 @@ std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_
       return history_.last_finished().result;
     case kKeyRegister: {
       const std::int64_t left_ns = std::max<std::int64_t>(lock_.unlocked_until_ns(access.address) - now_ns, 0);
-      return static_cast<std::uint16_t>((left_ns + kSecond_ns - 1) / kSecond_ns);
+      return static_cast<std::uint16_t>((left_ns + kNsPerS - 1) / kNsPerS);
     }
     case kRecordingRegister:
       return recording_;
@@ -203,7 +202,6 @@ void Control::finish(CommandResult result) {
 }
 
 bool Control::is_master_lost(std::int64_t now_ns) {
-  constexpr std::int64_t kNsPerMs = 1'000'000;
   const std::int64_t timeout_ns = kNsPerMs * settings()[kMasterTimeout];
   if (timeout_ns == 0) {
     guarded_since_ns_ = 0;

@@ -10,12 +10,11 @@ namespace finsight {
 
 namespace {
 
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
 constexpr int kFaultStride = address_of("fault_2_code") - address_of("fault_1_code");
 static_assert(address_of("fault_8_code") == address_of("fault_1_code") + 7 * kFaultStride);
 
 std::uint32_t seconds(std::int64_t ns) {
-  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(ns / kSecond_ns, 0, 0xFFFF'FFFF));
+  return static_cast<std::uint32_t>(std::clamp<std::int64_t>(ns / kNsPerS, 0, 0xFFFF'FFFF));
 }
 
 void write_fault(BlockWriter& block, int index, const FaultRecord& fault, std::int64_t started_ns) {

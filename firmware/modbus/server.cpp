@@ -28,9 +28,8 @@ namespace finsight {
 
 namespace {
 
-constexpr std::int64_t kSecond_ns = 1'000'000'000;
-constexpr std::int64_t kAcceptPause_ns = kSecond_ns / 2;  // after accept() failed for want of descriptors or memory
-constexpr std::int64_t kPollTimeout_ns = kSecond_ns / 2;  // clients are closed at most this late
+constexpr std::int64_t kAcceptPause_ns = kNsPerS / 2;  // after accept() failed for want of descriptors or memory
+constexpr std::int64_t kPollTimeout_ns = kNsPerS / 2;  // clients are closed at most this late
 constexpr int kAcceptsPerPoll = 8;
 constexpr int kNice = -5;
 
@@ -117,7 +116,7 @@ struct ModbusServer::Impl {
     }
   }
 
-  static timespec duration(std::int64_t ns) { return {.tv_sec = ns / kSecond_ns, .tv_nsec = ns % kSecond_ns}; }
+  static timespec duration(std::int64_t ns) { return {.tv_sec = ns / kNsPerS, .tv_nsec = ns % kNsPerS}; }
 
   /// Closes the clients that are overdue and lists the others for poll(). Returns the time to wait for.
   std::int64_t choose_polled(std::int64_t now_ns) {
@@ -166,7 +165,7 @@ struct ModbusServer::Impl {
     if (is_replacing) close(*place);
     const ClientAccess access{
         .may_write = is_listed(settings.allow_writes, address), .address = address, .connection = next_connection++};
-    clients[*place] = TcpClient(std::move(socket), access, settings.idle_limit_s * kSecond_ns, now_ns);
+    clients[*place] = TcpClient(std::move(socket), access, settings.idle_limit_s * kNsPerS, now_ns);
     places[*place] = {.is_open = true, .address = address, .has_asked = false, .active_ns = now_ns};
     control.count_connection(is_replacing ? Control::Arrival::kReplacing : Control::Arrival::kAccepted);
     control.show_open_connections(static_cast<std::uint32_t>(places.open()));

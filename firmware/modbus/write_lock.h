@@ -19,7 +19,7 @@ class WriteLock {
   /// Addresses with wrong keys; when full, the next replaces the one whose wait ends first.
   static constexpr int kRememberedFailures = 64;
   static constexpr int kFreeTries = 2;  ///< wrong keys without a wait behind them
-  static constexpr std::int64_t kFirstWait_ns = 1'000'000'000, kLongestWait_ns = 64'000'000'000;
+  static constexpr std::int64_t kFirstWait_ns = kNsPerS, kLongestWait_ns = 64 * kNsPerS;
   static constexpr std::int64_t kForgotten_ns = 600'000'000'000;  ///< an address without wrong keys for so long is new
 
   explicit WriteLock(std::uint16_t key) : key_(key) {}

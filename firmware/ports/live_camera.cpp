@@ -11,10 +11,9 @@ namespace finsight {
 
 namespace {
 
-constexpr std::int64_t kMs = 1'000'000;
-constexpr std::int64_t kFirstWaitNs = 100 * kMs, kLongestWaitNs = 5000 * kMs;
+constexpr std::int64_t kFirstWaitNs = 100 * kNsPerMs, kLongestWaitNs = 5000 * kNsPerMs;
 // A USB camera that has just been started may take seconds over its first frame.
-constexpr std::int64_t kFirstFrameNs = 5000 * kMs;
+constexpr std::int64_t kFirstFrameNs = 5000 * kNsPerMs;
 
 class LiveCamera : public Camera {
  public:
@@ -24,7 +23,7 @@ class LiveCamera : public Camera {
         report_(std::move(report)),
         clock_(clock),
         frame_time_ns_(static_cast<std::int64_t>(1e9 / settings.frames_per_second)),
-        stall_ns_(settings.stall_ms * kMs),
+        stall_ns_(settings.stall_ms * kNsPerMs),
         opener_([this] { run_opener(); }) {}
 
   ~LiveCamera() override {
@@ -34,10 +33,10 @@ class LiveCamera : public Camera {
   }
 
   bool next(Frame& frame, int timeout_ms) override {
-    const std::int64_t limit_ns = clock_.now_ns() + timeout_ms * kMs;
+    const std::int64_t limit_ns = clock_.now_ns() + timeout_ms * kNsPerMs;
     if (!camera_ && !reopen(limit_ns)) return false;
     const std::int64_t left_ns = std::max<std::int64_t>(limit_ns - clock_.now_ns(), 0);
-    if (camera_->next(frame, static_cast<int>(left_ns / kMs))) {
+    if (camera_->next(frame, static_cast<int>(left_ns / kNsPerMs))) {
       accept(frame);
       return true;
     }
@@ -45,7 +44,7 @@ class LiveCamera : public Camera {
     if (camera_->ended()) {
       lose(camera_->error());
     } else if (silent_ns > (delivered_ ? stall_ns_ : std::max(stall_ns_, kFirstFrameNs))) {
-      lose("no frame for " + std::to_string(silent_ns / kMs) + " ms");
+      lose("no frame for " + std::to_string(silent_ns / kNsPerMs) + " ms");
     }
     return false;
   }
