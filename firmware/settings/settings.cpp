@@ -105,13 +105,12 @@ GpioSettings read_gpio(TomlTable table) {
 }
 
 void read_shape(TomlTable table, ShapeSettings& shape) {
-  using Tier = ShapeSettings::Tier;
-  const std::string tier = table.choice("tier", {"measures", "map", "contact", "map+newton", "newton"}, "newton");
-  shape.tier = tier == "measures"  ? Tier::kMeasures
-               : tier == "map"     ? Tier::kMap
-               : tier == "contact" ? Tier::kContact
-               : tier == "newton"  ? Tier::kNewton
-                                   : Tier::kMapAndNewton;
+  std::vector<std::string> names;
+  for (const auto& [name, tier] : kShapeTiers) names.emplace_back(name);
+  const std::string chosen = table.choice("tier", names, "newton");
+  for (const auto& [name, tier] : kShapeTiers) {
+    if (chosen == name) shape.tier = tier;
+  }
   shape.factorisations = static_cast<int>(table.integer("factorisations", 1, 10, shape.factorisations));
   shape.chord_steps = static_cast<int>(table.integer("chord_steps", 0, 5, shape.chord_steps));
   table.finish();
@@ -190,7 +189,9 @@ void read_modbus(TomlTable table, Settings& settings) {
   modbus.allow_writes = read_networks(table, "allow_writes");
   modbus.reserve = read_reserved(table, modbus);
   settings.write_key = static_cast<std::uint16_t>(table.integer("write_key", 1, 65535, settings.write_key));
-  settings.loop.runtime[kWordOrder] = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD") == "CDAB";
+  const bool low_word_first = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD") == "CDAB";
+  settings.loop.runtime[kWordOrder] =
+      low_word_first ? value_named("word_order", "CDAB") : value_named("word_order", "ABCD");
   if (table.has("serial")) modbus.serial = read_serial(table.table("serial"));
   table.finish();
 }

@@ -12,14 +12,14 @@ class ContactTier final : public ShapeTier {
 
   /// The shape map answers where the plates are further than the contact map's training had them, or where its shape
   /// has an inverted tetrahedron or more strain than any touch causes.
-  void solve(const PlatePoses& poses, const PoseVector& motion, FingerShape& shape) override {
-    const RigidPlates& plates = state_.plates();
-    if (contact_map_.covers(motion) && state_.start_from(contact_map_.evaluate(poses, motion, plates), poses) &&
+  void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) override {
+    const RigidPlates& rigid_plates = state_.rigid_plates();
+    if (contact_map_.covers(motion) && state_.start_from(contact_map_.evaluate(plates, motion, rigid_plates), plates) &&
         !state_.is_overstrained()) {
       shape.source = ShapeSource::kContactMap;
       return;
     }
-    answer_by_map(map_.evaluate(poses, motion, plates), poses, state_, shape);
+    answer_by_map(map_.evaluate(plates, motion, rigid_plates), plates, state_, shape);
   }
   std::span<const float> node_mm() const override { return state_.node_mm(); }
 

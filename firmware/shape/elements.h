@@ -11,8 +11,8 @@
 
 namespace finsight {
 
-/// S is float or double. Positions, steps and gradients are arrays of [3 * nodes]. Tetrahedra of the
-/// base or of one plate alone are left out: they are rigid. Nothing allocates after the constructor.
+/// S is float or double. Positions, steps and gradients are arrays of [3 * nodes]. Tetrahedra of the base or of
+/// one plate alone are left out: they are rigid. Nothing allocates after the constructor.
 template <class S>
 class Elements {
  public:

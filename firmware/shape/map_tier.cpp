@@ -2,10 +2,10 @@
 
 namespace finsight {
 
-void answer_by_map(std::span<const float> map_mm, const PlatePoses& poses, ShapeState<float>& state,
+void answer_by_map(std::span<const float> map_mm, const PlateMotions& plates, ShapeState<float>& state,
                    FingerShape& shape) {
-  const bool usable = state.start_from(map_mm, poses);
-  if (!usable) state.start_towards(map_mm, poses);
+  const bool usable = state.start_from(map_mm, plates);
+  if (!usable) state.start_towards(map_mm, plates);
   shape.source = ShapeSource::kMap;
   shape.fallback = !usable || state.is_overstrained();
 }

@@ -15,9 +15,10 @@ class MapShape {
   MapShape(const ShapeMapModel& map, const ShapeModel& shape) : map_(map, shape), node_mm_(shape.rest_mm.size()) {}
 
   /// [3 * nodes], valid until the next call. Nothing is checked: tetrahedra may be inverted.
-  std::span<const float> evaluate(const PlatePoses& poses, const PoseVector& motion, const RigidPlates& plates) {
+  std::span<const float> evaluate(const PlateMotions& plates, const PoseVector& motion,
+                                  const RigidPlates& rigid_plates) {
     map_.evaluate(motion, node_mm_);
-    plates.place<float>(plate_motions(poses), node_mm_);
+    rigid_plates.place<float>(plates, node_mm_);
     return node_mm_;
   }
   bool covers(const PoseVector& motion) const { return map_.covers(motion); }
@@ -29,15 +30,15 @@ class MapShape {
 
 /// Brings `state` to the map's shape [3 * nodes]. A shape with an inverted tetrahedron is never shown: the way from
 /// rest to it is, as far as it is possible, and marked as a fallback like one that no touch causes.
-void answer_by_map(std::span<const float> map_mm, const PlatePoses& poses, ShapeState<float>& state,
+void answer_by_map(std::span<const float> map_mm, const PlateMotions& plates, ShapeState<float>& state,
                    FingerShape& shape);
 
 class MapTier final : public ShapeTier {
  public:
   explicit MapTier(const ShapeParts& parts) : state_(parts.shape, parts.mount), map_(parts.map, parts.shape) {}
 
-  void solve(const PlatePoses& poses, const PoseVector& motion, FingerShape& shape) override {
-    answer_by_map(map_.evaluate(poses, motion, state_.plates()), poses, state_, shape);
+  void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) override {
+    answer_by_map(map_.evaluate(plates, motion, state_.rigid_plates()), plates, state_, shape);
   }
   std::span<const float> node_mm() const override { return state_.node_mm(); }
 

@@ -29,8 +29,8 @@ NewtonSolver<S>::NewtonSolver(const ShapeModel& model, const MountModel& mount)
 }
 
 template <class S>
-bool NewtonSolver<S>::is_jump(const PlatePoses& from, const PlatePoses& to) const {
-  return rigid_plates_.furthest_mm(plate_motions(from), plate_motions(to)) > kMaxFactorisations * plate_step_mm();
+bool NewtonSolver<S>::is_jump(const PlateMotions& from, const PlateMotions& to) const {
+  return rigid_plates_.furthest_mm(from, to) > kMaxFactorisations * plate_step_mm();
 }
 
 // Sets the plates' part of the next step: all the way, or as far as one step may carry them.
@@ -67,11 +67,16 @@ double NewtonSolver<S>::plate_step_mm() const {
 
 template <class S>
 typename NewtonSolver<S>::Outcome NewtonSolver<S>::solve(const PlatePoses& poses, int factorisations, int chord_steps) {
+  return rigid_plates_.plausible(poses) ? solve(plate_motions(poses), factorisations, chord_steps) : Outcome{};
+}
+
+template <class S>
+typename NewtonSolver<S>::Outcome NewtonSolver<S>::solve(const PlateMotions& target, int factorisations,
+                                                         int chord_steps) {
   const FlushDenormals flush;
   Outcome outcome;
-  if (!rigid_plates_.plausible(poses)) return outcome;
   before_ = x_;
-  const PlateMotions start = plates_, target = plate_motions(poses);
+  const PlateMotions start = plates_;
   for (int k = 1; k <= std::max(factorisations, kMaxFactorisations); ++k) {
     Step step = plan(target);
     if (!take(Kind::kNewton, step, outcome)) return go_back(outcome, start);

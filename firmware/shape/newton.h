@@ -37,13 +37,15 @@ class NewtonSolver : private NewtonFactor<S>, public ShapeState<S> {
   /// could not get there in time, for the distance or because a tetrahedron would invert: then the shape has gone part
   /// of the way.
   Outcome solve(const PlatePoses& poses, int factorisations, int chord_steps);
+  /// The same for plates that are plausible.
+  Outcome solve(const PlateMotions& target, int factorisations, int chord_steps);
   /// Newton steps with line search until a step moves no coordinate further than `tolerance_mm`; not ok after
   /// `max_steps`.
   Outcome converge(const PlatePoses& poses, double tolerance_mm, int max_steps);
 
   /// The plates move further than one solve() carries them. Beyond such a motion the solver may find another minimum
   /// than the one that the finger reaches.
-  bool is_jump(const PlatePoses& from, const PlatePoses& to) const;
+  bool is_jump(const PlateMotions& from, const PlateMotions& to) const;
 
   static constexpr int kMaxFactorisations = 6;
   /// How far a step may carry a node of a plate.

@@ -1,4 +1,4 @@
-// Tiers newton and map_and_newton: Newton steps towards the shape of least energy.
+// Tiers newton and map+newton: Newton steps towards the shape of least energy.
 #pragma once
 
 #include <optional>
@@ -18,13 +18,13 @@ class NewtonTier final : public ShapeTier {
   /// after a jump of the plates, after a solve that failed, and where the map's shape costs clearly less energy; tries
   /// a solve from rest after a rough frame, so that a wrong minimum does not last. Falls back to the map's shape,
   /// marked, when the solve fails all the same. At most 2 NewtonSolver::kMaxFactorisations factorisations.
-  void solve(const PlatePoses& poses, const PoseVector& motion, FingerShape& shape) override;
+  void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) override;
   std::span<const float> node_mm() const override { return solver_.node_mm(); }
-  void reset() override { last_poses_.reset(); }
+  void reset() override { last_plates_.reset(); }
 
  private:
-  bool take_steps(const PlatePoses& poses, FingerShape& shape);
-  void try_from_rest(const PlatePoses& poses, FingerShape& shape);
+  bool take_steps(const PlateMotions& plates, FingerShape& shape);
+  void try_from_rest(const PlateMotions& plates, FingerShape& shape);
   bool is_wrong_minimum() const;
 
   const bool follows_last_;
@@ -33,7 +33,7 @@ class NewtonTier final : public ShapeTier {
   MapShape map_;
   std::span<const float> map_mm_;  // the map's shape of this frame
   std::vector<float> kept_mm_;     // the present shape while another is tried
-  std::optional<PlatePoses> last_poses_;
+  std::optional<PlateMotions> last_plates_;
   bool was_rough_ = false;  // the last frame needed more than its schedule, failed or strained the finger too much
 };
 

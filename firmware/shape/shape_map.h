@@ -1,5 +1,5 @@
-// Plate motions -> the positions of all nodes by regression, without a solve: tier map, the start
-// after a gap, and the answer when the solve fails.
+// Plate motions -> the positions of all nodes by regression, without a solve: tier map, the start after a gap, and the
+// answer when the solve fails.
 #pragma once
 
 #include <Eigen/Core>

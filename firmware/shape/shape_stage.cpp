@@ -60,7 +60,7 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses, const PoseVector& 
     shape_.quality = shape_.source == ShapeSource::kRest ? Quality::kInvalid : Quality::kFresh;
     return shape_;
   }
-  tier_->solve(poses, motion, shape_);
+  tier_->solve(plate_motions(poses), motion, shape_);
   shape_.quality = Quality::kFresh;
   shape_.node_mm = tier_->node_mm();
   if (!shape_.node_mm.empty()) {

@@ -53,9 +53,7 @@ void ShapeState<S>::assemble_trial(std::span<const float> node_mm, const PlateMo
 }
 
 template <class S>
-bool ShapeState<S>::start_from(std::span<const float> node_mm, const PlatePoses& poses) {
-  if (!rigid_plates_.plausible(poses)) return false;
-  const PlateMotions plates = plate_motions(poses);
+bool ShapeState<S>::start_from(std::span<const float> node_mm, const PlateMotions& plates) {
   assemble_trial(node_mm, plates);
   if (!(elements_.smallest_determinant(trial_) > 0)) return false;
   std::swap(x_, trial_);
@@ -64,10 +62,8 @@ bool ShapeState<S>::start_from(std::span<const float> node_mm, const PlatePoses&
 }
 
 template <class S>
-void ShapeState<S>::start_towards(std::span<const float> node_mm, const PlatePoses& poses) {
+void ShapeState<S>::start_towards(std::span<const float> node_mm, const PlateMotions& plates) {
   start_at_rest();
-  if (!rigid_plates_.plausible(poses)) return;
-  const PlateMotions plates = plate_motions(poses);
   assemble_trial(node_mm, plates);
   for (std::size_t i = 0; i < x_.size(); ++i) step_[i] = trial_[i] - x_[i];
   const S part = elements_.longest_step(x_, step_);

@@ -19,11 +19,11 @@ class ShapeState {
   ShapeState(const ShapeModel& model, const MountModel& mount, const Cholesky<S>* cholesky = nullptr);
 
   void start_at_rest();
-  /// Continues from this shape [3 * nodes], whose plates are at `poses`. False, and nothing happens, if it has an
-  /// inverted tetrahedron or is not finite.
-  bool start_from(std::span<const float> node_mm, const PlatePoses& poses);
+  /// Continues from this shape [3 * nodes] with its plates there. False, and nothing happens, if it has an inverted
+  /// tetrahedron or is not finite.
+  bool start_from(std::span<const float> node_mm, const PlateMotions& plates);
   /// For a shape that start_from() refuses: goes from rest straight towards it, as far as no tetrahedron gets flat.
-  void start_towards(std::span<const float> node_mm, const PlatePoses& poses);
+  void start_towards(std::span<const float> node_mm, const PlateMotions& plates);
 
   std::span<const S> node_mm() const { return x_; }
   /// Of the present shape; infinite if a tetrahedron is inverted or a position not finite.
@@ -34,7 +34,7 @@ class ShapeState {
   /// Strained more than any touch can: the plates are where no finger has them.
   bool is_overstrained() const;
   double rest_energy() const { return rest_energy_; }
-  const RigidPlates& plates() const { return rigid_plates_; }
+  const RigidPlates& rigid_plates() const { return rigid_plates_; }
 
  protected:
   Elements<S> elements_;

@@ -4,8 +4,10 @@
 
 #include <memory>
 #include <span>
+#include <utility>
 
 #include "firmware/model/model.h"
+#include "firmware/shape/rigid_plates.h"
 
 namespace finsight {
 
@@ -19,6 +21,13 @@ struct ShapeSettings {
   enum class Tier { kMeasures, kMap, kContact, kMapAndNewton, kNewton } tier = Tier::kNewton;
   int factorisations = 1;
   int chord_steps = 1;  ///< further steps per factorisation that reuse its factor
+};
+
+/// The tiers as board files call them.
+inline constexpr std::pair<const char*, ShapeSettings::Tier> kShapeTiers[] = {
+    {"measures", ShapeSettings::Tier::kMeasures}, {"map", ShapeSettings::Tier::kMap},
+    {"contact", ShapeSettings::Tier::kContact},   {"map+newton", ShapeSettings::Tier::kMapAndNewton},
+    {"newton", ShapeSettings::Tier::kNewton},
 };
 
 /// Whether a tier takes Newton steps, so that the schedule of ShapeSettings concerns it.
@@ -38,9 +47,9 @@ class ShapeTier {
  public:
   virtual ~ShapeTier() = default;
 
-  /// The shape for plausible poses; `motion` is pose_vector(poses). Sets source, iterations and fallback, and the
+  /// The shape for plausible plates; `motion` is the same as numbers. Sets source, iterations and fallback, and the
   /// measures if it has no nodes. Never throws, never allocates.
-  virtual void solve(const PlatePoses& poses, const PoseVector& motion, FingerShape& shape) = 0;
+  virtual void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) = 0;
   /// [3 * nodes] of the last shape, at first those at rest; empty in a tier that has no shape, only its measures.
   virtual std::span<const float> node_mm() const = 0;
   /// Forgets the last shape, which says nothing about the next one.

@@ -39,7 +39,8 @@ std::optional<double> HardCaseTruth::distance(const PlatePoses& poses, std::span
   constexpr int kMaxSteps = 150;
   cold_.start_at_rest();
   const bool cold = cold_.converge(poses, kTolerance * unit_mm_, kMaxSteps).ok;
-  const bool warm = warm_.start_from(node_mm, poses) && warm_.converge(poses, kTolerance * unit_mm_, kMaxSteps).ok;
+  const bool warm =
+      warm_.start_from(node_mm, plate_motions(poses)) && warm_.converge(poses, kTolerance * unit_mm_, kMaxSteps).ok;
   if (!cold && !warm) return std::nullopt;
   const bool cold_is_better = cold && (!warm || cold_.energy() <= warm_.energy());
   return shape_distance(node_mm, (cold_is_better ? cold_ : warm_).node_mm()).worst_mm / unit_mm_;

@@ -144,8 +144,8 @@ void run_inverted_start(const ShapeParts& parts, std::vector<HardCaseResult>& re
   const Points x = points_of(parts.shape, shape, t);
   const Eigen::Vector3d mirrored = x.col(0) + 2 * ((x.col(1) + x.col(2) + x.col(3)) / 3 - x.col(0));
   for (int d = 0; d < 3; ++d) shape[3 * parts.shape.tet_nodes[4 * t] + d] = static_cast<float>(mirrored[d]);
-  result.inverted_unflagged += solver.start_from(shape, poses);
-  solver.start_towards(shape, poses);
+  result.inverted_unflagged += solver.start_from(shape, plate_motions(poses));
+  solver.start_towards(shape, plate_motions(poses));
   for (int frame = 0; frame < 10; ++frame) {
     const auto outcome = solver.solve(poses, 1, 1);
     FingerShape answer{.node_mm = solver.node_mm(), .iterations = outcome.steps, .fallback = !outcome.ok};

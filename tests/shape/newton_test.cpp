@@ -200,7 +200,7 @@ TEST_CASE("newton: poses that are not finite or absurd keep the last shape and r
   const std::vector<float> before(solver.node_mm().begin(), solver.node_mm().end());
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinity = std::numeric_limits<float>::infinity();
   for (const float bad : {kNan, kInfinity, -kInfinity, 1e30f, -1e5f}) {
-    for (int k = 0; k < 18; ++k) {
+    for (int k = 0; k < kPoseDims; ++k) {
       PlatePoses poses = Bend{6, 2, 5}.poses(f.mount);
       PlateMotion& plate = poses.plates[k / 6];
       (k % 6 < 3 ? plate.displacement_mm : plate.rotation_rad)[k % 3] = bad;
@@ -217,7 +217,7 @@ TEST_CASE("newton: does not start from an inverted or non-finite shape") {
   NewtonSolver<float> solver(f.model(), f.mount);
   const PlatePoses rest = Bend{}.poses(f.mount);
   std::vector<float> shape(f.data.rest_mm);
-  CHECK(solver.start_from(shape, rest));
+  CHECK(solver.start_from(shape, plate_motions(rest)));
   const int* tet = f.data.tet_nodes.data();  // its first node goes through the opposite face
   while (f.data.free_index[tet[0]] < 0) tet += 4;
   const int free_node = tet[0];
@@ -225,9 +225,9 @@ TEST_CASE("newton: does not start from an inverted or non-finite shape") {
     const float face = (shape[3 * tet[1] + d] + shape[3 * tet[2] + d] + shape[3 * tet[3] + d]) / 3;
     shape[3 * free_node + d] += 3 * (face - shape[3 * free_node + d]);
   }
-  CHECK_FALSE(solver.start_from(shape, rest));
+  CHECK_FALSE(solver.start_from(shape, plate_motions(rest)));
   shape[3 * free_node] = std::numeric_limits<float>::quiet_NaN();
-  CHECK_FALSE(solver.start_from(shape, rest));
+  CHECK_FALSE(solver.start_from(shape, plate_motions(rest)));
   CHECK(std::equal(f.data.rest_mm.begin(), f.data.rest_mm.end(), solver.node_mm().begin()));
 }
 
@@ -271,8 +271,8 @@ TEST_CASE("newton: one solve carries no plate further than its bounded steps, an
   NewtonSolver<float> solver(f.model(), f.mount);
   const double most_mm = NewtonSolver<float>::kMaxFactorisations * solver.plate_step_mm();
   const PlatePoses far = Bend{60, 0, 0}.poses(f.mount);
-  CHECK(solver.is_jump(Bend{}.poses(f.mount), far));
-  CHECK_FALSE(solver.is_jump(far, far));
+  CHECK(solver.is_jump({}, plate_motions(far)));
+  CHECK_FALSE(solver.is_jump(plate_motions(far), plate_motions(far)));
   double gap_mm = largest_plate_gap(f, solver, far);
   int frames = 0;
   for (bool ok = false; !ok && frames < 10; ++frames) {
@@ -294,12 +294,12 @@ TEST_CASE("newton: starts towards a shape that has inverted elements without inv
   std::vector<float> shape(f.data.rest_mm);
   test::Random random(5);
   for (float& coordinate : shape) coordinate += static_cast<float>(20 * random.normal());
-  REQUIRE_FALSE(solver.start_from(shape, poses));
-  solver.start_towards(shape, poses);
+  REQUIRE_FALSE(solver.start_from(shape, plate_motions(poses)));
+  solver.start_towards(shape, plate_motions(poses));
   CHECK(solver.smallest_determinant() > 0);
   CHECK_FALSE(std::equal(f.data.rest_mm.begin(), f.data.rest_mm.end(), solver.node_mm().begin()));
   shape[0] = shape[3 * f.model().nodes - 1] = std::numeric_limits<float>::quiet_NaN();
-  solver.start_towards(shape, poses);
+  solver.start_towards(shape, plate_motions(poses));
   CHECK(solver.smallest_determinant() > 0);
 }
 
