@@ -87,8 +87,9 @@ int measure(const Arguments& arguments, const Settings& settings) {
   log_message("model " + model.finger_name + " (" + std::to_string(model.shape.tets) + " tets) passed its self-test");
   LoopSettings loop_settings = settings.loop;
   if (settings.mount) loop_settings.mount = corrected_mount(model.mount, *settings.mount);
-  FrameLoop loop(model, source_lens(settings, model), loop_settings);
-  const OpenSource source = open_source(settings);
+  const std::optional<SessionInfo> images = source_images(settings, model);
+  FrameLoop loop(model, images ? std::optional(images->lens) : std::nullopt, loop_settings);
+  const OpenSource source = open_source(settings, images);
   const ZeroBasis basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount))};
   const LoadedState saved = load_state_or_factory(settings.saved_state, &basis, settings.loop.runtime);
   if (!saved.problem.empty()) {
@@ -99,7 +100,6 @@ int measure(const Arguments& arguments, const Settings& settings) {
   std::optional<StateSaver> saver;
   if (!settings.saved_state.empty()) saver.emplace(settings.saved_state, basis);
   std::optional<Recorder> recorder;
-  const auto images = recording_info(settings, model);
   if (!settings.recordings.empty() && images) {
     recorder.emplace(settings.recordings, *images, Recorder::Limits{settings.record_max_s, settings.record_reserve_mb});
   }
@@ -107,7 +107,7 @@ int measure(const Arguments& arguments, const Settings& settings) {
   Control control(settings.write_key, settings.loop.runtime, saved.state.settings);
   const int timeout_ms = frame_timeout_ms(settings);
   Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved.state,
-                    std::int64_t{1'000'000} * timeout_ms);
+                    kNsPerMs * timeout_ms);
   control.identify(identity_of(settings, model));
   const Thermometer thermometer(control);
   Health health(control);

@@ -8,8 +8,8 @@ namespace finsight {
 
 namespace {
 
-void report_if_cut(const std::filesystem::path& session) {
-  if (read_session_info(session).complete) return;
+void report_if_cut(const std::filesystem::path& session, const SessionInfo& info) {
+  if (info.complete) return;
   const Y4mReader images(session / kSessionFrames, true);
   log_message(session.string() + ": this recording was cut off; its " + std::to_string(images.whole_frames()) +
               " whole frames are replayed");
@@ -17,11 +17,32 @@ void report_if_cut(const std::filesystem::path& session) {
 
 }  // namespace
 
-OpenSource open_source(const Settings& settings) {
+std::optional<SessionInfo> source_images(const Settings& settings, const Model& model) {
+  const auto marker_size_mm = static_cast<double>(model.mount.marker_size_mm);
+  switch (settings.source) {
+    case Settings::Source::kPoses:
+      return std::nullopt;
+    case Settings::Source::kSession: {
+      const SessionInfo info = read_session_info(settings.replay.path);
+      check_markers(info, settings.replay.path, model.mount.marker_id, marker_size_mm, "the model pack");
+      return info;
+    }
+    case Settings::Source::kCamera:
+      break;
+  }
+  return SessionInfo{.lens = settings.lens,
+                     .frames_per_second = settings.camera.frames_per_second,
+                     .marker_dictionary = "DICT_4X4_50",
+                     .marker_id = model.mount.marker_id,
+                     .marker_size_mm = marker_size_mm,
+                     .description = {}};
+}
+
+OpenSource open_source(const Settings& settings, const std::optional<SessionInfo>& images) {
   switch (settings.source) {
     case Settings::Source::kSession:
-      report_if_cut(settings.replay.path);
-      return open_session_camera(settings.replay);
+      report_if_cut(settings.replay.path, images.value());
+      return open_session_camera(settings.replay, *images);
     case Settings::Source::kPoses:
       return open_pose_replay(settings.replay);
     case Settings::Source::kCamera:
@@ -32,27 +53,6 @@ OpenSource open_source(const Settings& settings) {
 
 const SourceStatus& status_of(const OpenSource& source) {
   return std::visit([](const auto& opened) -> const SourceStatus& { return *opened; }, source);
-}
-
-std::optional<Lens> source_lens(const Settings& settings, const Model& model) {
-  if (settings.source == Settings::Source::kCamera) return settings.lens;
-  if (settings.source == Settings::Source::kPoses) return std::nullopt;
-  const SessionInfo info = read_session_info(settings.replay.path);
-  check_markers(info, settings.replay.path, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
-                "the model pack");
-  return info.lens;
-}
-
-std::optional<SessionInfo> recording_info(const Settings& settings, const Model& model) {
-  if (settings.source == Settings::Source::kPoses) return std::nullopt;
-  if (settings.source == Settings::Source::kSession) return read_session_info(settings.replay.path);
-  SessionInfo info;
-  info.lens = settings.lens;
-  info.frames_per_second = settings.camera.frames_per_second;
-  info.marker_dictionary = "DICT_4X4_50";
-  info.marker_id = model.mount.marker_id;
-  info.marker_size_mm = static_cast<double>(model.mount.marker_size_mm);
-  return info;
 }
 
 int frame_timeout_ms(const Settings& settings) {

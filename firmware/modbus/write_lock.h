@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "firmware/modbus/exception.h"
+#include "firmware/types.h"
 
 namespace finsight {
 

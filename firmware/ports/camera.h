@@ -63,8 +63,8 @@ struct ReplaySettings {
 /// recorded speed a late caller gets the newest frame that is due, and the gap in `sequence` shows how many it missed;
 /// at full speed every frame comes, exposed "now". `sequence` continues over repetitions: sequence modulo the number of
 /// recorded frames is the row of truth.csv or of the recording. All throw InputError for recordings that cannot be
-/// used; a fault further on in the file ends the replay with error().
-std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings);
+/// used; a fault further on in the file ends the replay with error(). `info`: of that session.
+std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings, const SessionInfo& info);
 /// Observations of a recording in which only the top plate is seen, at 60 per second.
 std::unique_ptr<PoseReplay> open_pose_replay(const ReplaySettings& settings);
 

@@ -28,8 +28,8 @@ struct OutputLine : GpioLine {
 };
 
 struct GpioSettings {
-  std::string
-      chip;  ///< path ("/dev/gpiochip0") or label ("pinctrl-bcm2711"); labels do not depend on the kernel's version
+  /// Path ("/dev/gpiochip0") or label ("pinctrl-bcm2711"); labels do not depend on the kernel's version.
+  std::string chip;
   std::string consumer;  ///< what tools such as gpioinfo show as the lines' user
   std::array<std::optional<OutputLine>, kOutputs> lines;
   std::optional<GpioLine> trigger = std::nullopt;  ///< an input

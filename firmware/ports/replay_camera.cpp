@@ -19,7 +19,7 @@ class Replay : public Source<Sample> {
     if (next_ == 0) start_ns_ = now_ns;
     std::uint64_t due = next_;
     if (settings_.recorded_speed) {
-      const std::int64_t limit_ns = now_ns + std::int64_t{timeout_ms} * 1'000'000;
+      const std::int64_t limit_ns = now_ns + kNsPerMs * timeout_ms;
       const std::int64_t wake_ns = std::min(exposure_ns(next_), limit_ns);
       if (wake_ns > now_ns) settings_.clock.sleep_until_ns(wake_ns);
       if (wake_ns < exposure_ns(next_)) return false;
@@ -144,8 +144,8 @@ ReplayClock steady_replay_clock() {
           }};
 }
 
-std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings) {
-  return std::make_unique<SessionCamera>(settings, read_session_info(settings.path));
+std::unique_ptr<Camera> open_session_camera(const ReplaySettings& settings, const SessionInfo& info) {
+  return std::make_unique<SessionCamera>(settings, info);
 }
 
 std::unique_ptr<PoseReplay> open_pose_replay(const ReplaySettings& settings) {

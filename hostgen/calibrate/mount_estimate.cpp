@@ -49,7 +49,7 @@ Numbers mounted_to() {
 }
 
 /// Distances of the corners from where the numbers put them, then the numbers themselves; each in units of its scatter.
-Residuals residuals(const MountModel& nominal, const Lens& lens, const RestingCorners& seen, const Numbers& x) {
+Residuals residuals(const MountModel& nominal, const RestingCorners& seen, const Numbers& x) {
   Residuals r;
   const Isometry3d T_camera_finger = moved(nominal.T_finger_camera.cast<double>(), x.head<6>()).inverse();
   for (int p = 0; p < kPlates; ++p) {
@@ -58,7 +58,7 @@ Residuals residuals(const MountModel& nominal, const Lens& lens, const RestingCo
         T_camera_finger * moved(nominal.T_finger_marker[plate].cast<double>(), x.segment<6>(6 * (p + 1)));
     for (std::size_t k = 0; k < 4; ++k) {
       const Eigen::Vector3d at = T_camera_marker * marker_corner(static_cast<double>(nominal.marker_size_mm), k);
-      const Vector2d off = pixel_from_ray(lens, at.head<2>() / at.z()) - seen.corner_px[plate][k];
+      const Vector2d off = pixel_from_ray(seen.lens, at.head<2>() / at.z()) - seen.corner_px[plate][k];
       r.segment<2>(8 * p + 2 * static_cast<int>(k)) = off / kCornerSigmaPx;
     }
   }
@@ -87,13 +87,11 @@ RestingCorners resting_corners(const std::filesystem::path& session, const Mount
   const SessionInfo info = read_session_info(session);
   check_markers(info, session, mount.marker_id, static_cast<double>(mount.marker_size_mm), "the finger spec");
   MarkerStage markers(mount, info.lens);
-  ReplaySettings replay;
-  replay.path = session;
-  replay.recorded_speed = false;
-  const auto camera = open_session_camera(replay);
+  const auto camera = open_session_camera({.path = session, .recording = "", .recorded_speed = false}, info);
   std::array<std::array<CornerSum, 4>, kPlates> sums;
   std::array<int, kPlates> seen{};
   RestingCorners rest;
+  rest.lens = info.lens;
   Frame frame;
   while (camera->next(frame, 0)) {
     if (interrupted()) throw Interrupted();
@@ -126,8 +124,7 @@ RestingCorners resting_corners(const std::filesystem::path& session, const Mount
   return rest;
 }
 
-MountEstimate estimate_mount(const MountModel& nominal, const Lens& lens, const RestingCorners& seen,
-                             const std::string& name) {
+MountEstimate estimate_mount(const MountModel& nominal, const RestingCorners& seen, const std::string& name) {
   constexpr int kSteps = 10;            // it converges quadratically: to 1e-9 in four
   constexpr double kDifference = 1e-5;  // mm and rad; the residuals' rounding is 1e-12 of them
   Numbers x = Numbers::Zero();
@@ -136,14 +133,13 @@ MountEstimate estimate_mount(const MountModel& nominal, const Lens& lens, const 
     Eigen::Matrix<double, kCoordinates + kNumbers, kNumbers> jacobian;
     for (int i = 0; i < kNumbers; ++i) {
       const Numbers by = kDifference * Numbers::Unit(i);
-      jacobian.col(i) =
-          (residuals(nominal, lens, seen, x + by) - residuals(nominal, lens, seen, x - by)) / (2 * kDifference);
+      jacobian.col(i) = (residuals(nominal, seen, x + by) - residuals(nominal, seen, x - by)) / (2 * kDifference);
     }
     information = jacobian.transpose() * jacobian;
-    x -= information.llt().solve(jacobian.transpose() * residuals(nominal, lens, seen, x));
+    x -= information.llt().solve(jacobian.transpose() * residuals(nominal, seen, x));
   }
   MountEstimate estimate;
-  const Residuals left = residuals(nominal, lens, seen, x);
+  const Residuals left = residuals(nominal, seen, x);
   estimate.rms_px = kCornerSigmaPx * std::sqrt(left.head<kCoordinates>().squaredNorm() / (4 * kPlates));
   if (!(estimate.rms_px <= kLargestPx)) {
     throw InputError(name, "markers' corners", std::to_string(estimate.rms_px) + " pixels from any mount",

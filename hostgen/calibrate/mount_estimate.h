@@ -12,6 +12,7 @@ namespace finsight::host {
 
 /// Mean corners of the three markers over a session, [plate][corner], pixels.
 struct RestingCorners {
+  Lens lens;  ///< the session's
   std::array<std::array<Eigen::Vector2d, 4>, kPlates> corner_px;
   int frames = 0;
 };
@@ -32,8 +33,7 @@ struct MountEstimate {
 /// motion of all cannot be told from the camera's: what fits together is put down to the camera (mounted to 2 mm and 3
 /// degrees), the rest to the markers (to 0.3 mm and 1 degree). Gauss-Newton on 24 numbers. Throws InputError (`name`
 /// stands for the file) for corners that no such mount explains to half a pixel.
-MountEstimate estimate_mount(const MountModel& nominal, const Lens& lens, const RestingCorners& seen,
-                             const std::string& name);
+MountEstimate estimate_mount(const MountModel& nominal, const RestingCorners& seen, const std::string& name);
 
 /// A table for people, with a warning for each part that is further off than three standard deviations of how parts are
 /// mounted.

@@ -40,10 +40,7 @@ NumberedFrame measure(const Options& options, const Model& model) {
   PoseStage plates(model, info.lens);
   ShapeStage shapes(model, {});
   TouchStage touches(model);
-  ReplaySettings replay;
-  replay.path = options.session;
-  replay.recorded_speed = false;
-  const auto camera = open_session_camera(replay);
+  const auto camera = open_session_camera({.path = options.session, .recording = "", .recorded_speed = false}, info);
   NumberedFrame chosen;
   Frame frame;
   for (int number = 0; camera->next(frame, 0); ++number) {

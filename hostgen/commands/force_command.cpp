@@ -39,10 +39,7 @@ Frames estimate_poses(const Options& options, const Model& model) {
                             : corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(options.mount)));
   MarkerStage markers(mount, info.lens);
   PoseStage estimator(mount, model.prior, info.lens);
-  ReplaySettings replay;
-  replay.path = options.session;
-  replay.recorded_speed = false;
-  const auto camera = open_session_camera(replay);
+  const auto camera = open_session_camera({.path = options.session, .recording = "", .recorded_speed = false}, info);
   Frames frames;
   frames.per_second = info.frames_per_second;
   Frame frame;
@@ -101,7 +98,7 @@ void run(const Options& options) {
   const Model model = Model::open(options.pack);
   const FingerSpec spec = read_finger_spec(options.spec);
   if (spec.sha256 != model.spec_sha256) {
-    throw InputError(options.pack.string(), "was made of another spec than " + options.spec.string());
+    throw InputError(options.pack.string(), "was made from a different spec than " + options.spec.string());
   }
   const Frames frames = estimate_poses(options, model);
   if (frames.poses.empty()) throw InputError(options.session.string(), "no frame shows a marker of this finger");
@@ -142,11 +139,11 @@ void add_force_command(CLI::App& app) {
   command->add_option("session", options->session, "session folder (hostgen render and boards record them)")
       ->required();
   command->add_option("--spec", options->spec, "finger spec (TOML)")->required();
-  command->add_option("--pack", options->pack, "model pack made of it")->required();
+  command->add_option("--pack", options->pack, "model pack made from it")->required();
   command->add_option("--mount", options->mount,
-                      "where camera and markers of this device are (TOML), by hostgen mount");
+                      "where camera and markers of this device are (TOML, from hostgen mount)");
   command->add_option("-o,--output", options->output, "folder to write")->required();
-  command->add_option("--every", options->every, "use one frame of so many")
+  command->add_option("--every", options->every, "use every Nth frame")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   command->callback([options] { run(*options); });

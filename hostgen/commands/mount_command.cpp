@@ -29,8 +29,7 @@ void run(const Options& options) {
                                   options.session / kSessionInfo, options.session / kSessionTruth});
   const MountModel nominal = mount_of(spec);
   const RestingCorners seen = resting_corners(options.session, nominal);
-  const Lens lens = read_session_info(options.session).lens;
-  const MountEstimate estimate = estimate_mount(nominal, lens, seen, options.session.string());
+  const MountEstimate estimate = estimate_mount(nominal, seen, options.session.string());
   write_file_atomically(options.output, mount_file(estimate, spec, seen.frames));
   std::printf("%s%s: for the key mount in a board file; zero the finger again with it (command 1)\n",
               mount_text(estimate).c_str(), options.output.c_str());
@@ -46,7 +45,7 @@ void add_mount_command(CLI::App& app) {
       "have in common is put down to the camera");
   command->add_option("session", options->session, "session folder: nothing touches the finger, ten frames or more")
       ->required();
-  command->add_option("--spec", options->spec, "finger spec (TOML) that the device's model pack was made of")
+  command->add_option("--spec", options->spec, "finger spec (TOML) that the device's model pack was made from")
       ->required();
   command->add_option("-o,--output", options->output, "file to write (TOML), for the key mount in a board file")
       ->required();

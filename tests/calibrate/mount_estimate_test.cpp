@@ -47,6 +47,7 @@ Change drawn(test::Random& random) {
 
 RestingCorners corners_of(const MountModel& mount, const Lens& lens, test::Random& random) {
   RestingCorners seen;
+  seen.lens = lens;
   const MarkerCorners corners = test::corners_of(mount, lens, {});
   for (std::size_t p = 0; p < kPlates; ++p) {
     for (std::size_t k = 0; k < 4; ++k) {
@@ -100,7 +101,7 @@ TEST_CASE("mount estimate: recovers how camera and markers are mounted, as well 
   Change squares = Change::Zero();
   for (int i = 0; i < kTimes; ++i) {
     const Change truth = drawn(random);
-    const MountEstimate found = estimate_mount(nominal, lens, corners_of(changed(nominal, truth), lens, random), "s");
+    const MountEstimate found = estimate_mount(nominal, corners_of(changed(nominal, truth), lens, random), "s");
     CHECK(found.rms_px < 0.1);
     squares += ((found.change - truth).cwiseQuotient(found.sigma)).cwiseAbs2() / kTimes;
   }
@@ -115,14 +116,14 @@ TEST_CASE("mount estimate: a camera that alone is displaced is found where it is
   test::Random random(5);
   Change truth = Change::Zero();
   truth.col(0) << 1.2, -2, 0.8, 0.03, -0.02, 0.04;
-  const MountEstimate found = estimate_mount(nominal, lens, corners_of(changed(nominal, truth), lens, random), "s");
+  const MountEstimate found = estimate_mount(nominal, corners_of(changed(nominal, truth), lens, random), "s");
   CHECK((found.change - truth).topRows<3>().cwiseAbs().maxCoeff() < 0.35);
   CHECK((found.change - truth).bottomRows<3>().cwiseAbs().maxCoeff() < 0.02);
   CHECK(says(mount_text(found), "camera"));
   CHECK_FALSE(says(mount_text(found), "warning"));
 
   truth.col(3) << 0, -3, 0, 0, 0, 0;
-  const MountEstimate odd = estimate_mount(nominal, lens, corners_of(changed(nominal, truth), lens, random), "s");
+  const MountEstimate odd = estimate_mount(nominal, corners_of(changed(nominal, truth), lens, random), "s");
   CHECK(says(mount_text(odd), "warning: the low marker is "));
 }
 
@@ -132,11 +133,11 @@ TEST_CASE("mount estimate: what no mount explains, and what is too far away, is 
   test::Random random(5);
   RestingCorners seen = corners_of(nominal, lens, random);
   seen.corner_px[1][2].x() += 9;
-  CHECK(says(refusal([&] { estimate_mount(nominal, lens, seen, "s"); }), "s: markers' corners: found"));
+  CHECK(says(refusal([&] { estimate_mount(nominal, seen, "s"); }), "s: markers' corners: found"));
   Change far = Change::Zero();
   far.col(0) << 0, -14, 0, 0, 0, 0;
   seen = corners_of(changed(nominal, far), lens, random);
-  CHECK(says(refusal([&] { estimate_mount(nominal, lens, seen, "s"); }), "s: camera: found 1"));
+  CHECK(says(refusal([&] { estimate_mount(nominal, seen, "s"); }), "s: camera: found 1"));
 }
 
 TEST_CASE("mount estimate: from a rendered session of a finger whose camera sits askew") {
@@ -158,8 +159,7 @@ TEST_CASE("mount estimate: from a rendered session of a finger whose camera sits
 
   const RestingCorners seen = resting_corners(session.folder.path(), nominal);
   CHECK(seen.frames == 12);
-  const Lens lens = read_session_info(session.folder.path()).lens;
-  const MountEstimate found = estimate_mount(nominal, lens, seen, "session");
+  const MountEstimate found = estimate_mount(nominal, seen, "session");
   CHECK(found.rms_px < 0.1);
   CHECK(((found.change - truth).cwiseQuotient(found.sigma)).cwiseAbs().maxCoeff() < 3);
   // Where the camera has the markers is known much better than what of that is the camera's.

@@ -44,12 +44,16 @@ struct Session {
   ReplaySettings settings(Time& time) const { return {.path = path, .recording = "", .clock = time.clock()}; }
 };
 
+std::unique_ptr<Camera> open(const ReplaySettings& settings) {
+  return open_session_camera(settings, read_session_info(settings.path));
+}
+
 }  // namespace
 
 TEST_CASE("replay: at recorded speed frame k comes k periods after the first call, stamped with that time") {
   const Session session;
   Time time;
-  const auto camera = open_session_camera(session.settings(time));
+  const auto camera = open(session.settings(time));
   time.now_ns += 7000 * kMs;  // the model's self-test; the recording must not start before it is asked for
   const std::int64_t start_ns = time.now_ns;
   for (std::uint32_t k = 0; k < kFrames; ++k) {
@@ -74,7 +78,7 @@ TEST_CASE("replay: at recorded speed frame k comes k periods after the first cal
 TEST_CASE("replay: a late caller gets the newest frame, and the sequence shows what it missed") {
   const Session session;
   Time time;
-  const auto camera = open_session_camera(session.settings(time));
+  const auto camera = open(session.settings(time));
   Frame frame;
   REQUIRE(camera->next(frame, 100));
   const std::int64_t start_ns = time.now_ns;
@@ -91,7 +95,7 @@ TEST_CASE("replay: a late caller gets the newest frame, and the sequence shows w
 TEST_CASE("replay: when the wait exceeds the time-out there is no frame, and the frame comes later") {
   const Session session;
   Time time;
-  const auto camera = open_session_camera(session.settings(time));
+  const auto camera = open(session.settings(time));
   Frame frame;
   REQUIRE(camera->next(frame, 0));
   const std::int64_t start_ns = time.now_ns;
@@ -109,7 +113,7 @@ TEST_CASE("replay: a repeated session continues its sequence, also when the call
   Time time;
   ReplaySettings settings = session.settings(time);
   settings.repeat = true;
-  const auto camera = open_session_camera(settings);
+  const auto camera = open(settings);
   for (std::uint32_t k = 0; k < 3 * kFrames; ++k) {
     Frame frame;
     REQUIRE(camera->next(frame, 100));
@@ -129,7 +133,7 @@ TEST_CASE("replay: at full speed every frame comes, however late, exposed now") 
   Time time;
   ReplaySettings settings = session.settings(time);
   settings.recorded_speed = false;
-  const auto camera = open_session_camera(settings);
+  const auto camera = open(settings);
   Frame frame;
   for (std::uint32_t k = 0; k < kFrames; ++k) {
     REQUIRE(camera->next(frame, 0));
@@ -144,7 +148,7 @@ TEST_CASE("replay: at full speed every frame comes, however late, exposed now") 
 TEST_CASE("replay: sessions that contradict themselves or have no frame are refused on opening") {
   Session session;
   Time time;
-  const auto refused = [&] { CHECK_THROWS_AS(open_session_camera(session.settings(time)), InputError); };
+  const auto refused = [&] { CHECK_THROWS_AS(open(session.settings(time)), InputError); };
   const SessionInfo good = session.info;
   session.info.lens.width_px = 5;
   session.write_info();
@@ -155,7 +159,7 @@ TEST_CASE("replay: sessions that contradict themselves or have no frame are refu
   refused();
   session.info = good;
   session.write_info();
-  CHECK_NOTHROW(open_session_camera(session.settings(time)));
+  CHECK_NOTHROW(open(session.settings(time)));
   std::ofstream(session.path / kSessionFrames) << "YUV4MPEG2 W4 H2 F50:1 Ip A1:1 Cmono\n";
   refused();
   std::ofstream(session.path / kSessionFrames) << "YUV4MPEG2 W4 H2 F50:1 Ip A1:1 Cmono\nFRAME\n1234567";
@@ -173,7 +177,7 @@ TEST_CASE("replay: a recording that breaks off ends with an error and without an
     Time time;
     ReplaySettings settings = session.settings(time);
     settings.repeat = true;
-    const auto camera = open_session_camera(settings);
+    const auto camera = open(settings);
     Frame frame;
     for (int k = 0; k < kFrames - 1; ++k) REQUIRE(camera->next(frame, 100));
     CHECK(camera->error().empty());
@@ -191,7 +195,7 @@ TEST_CASE("replay: a file that is emptied while it repeats is an error, not an e
   ReplaySettings settings = session.settings(time);
   settings.repeat = true;
   settings.recorded_speed = false;
-  const auto camera = open_session_camera(settings);
+  const auto camera = open(settings);
   Frame frame;
   REQUIRE(camera->next(frame, 0));
   std::ofstream(session.path / kSessionFrames, std::ios::trunc) << "";
