@@ -156,6 +156,9 @@ json measure_schedules(const Mesh& mesh, const MountModel& mount, bool quick) {
   return rows;
 }
 
+/// In place of a figure that was not measured.
+json left_out(const char* why) { return json::object({{"why", why}}); }
+
 /// By how much a coarser mesh's converged shape differs from the finest one's.
 json measure_meshes(const std::vector<Mesh>& meshes, const MountModel& mount) {
   PlateMotionPath motion = report_motions(mount)[1];
@@ -250,8 +253,9 @@ void run(const Options& options) {
         {"published_iterations_per_frame", published_steps},
         {"published_frame_ms", published_steps * published_us / 1000},
         {"iterations", iterations},
-        {"instructions", options.counted_program.empty() ? json() : count_instructions(options)},
-        {"mesh_difference", options.quick ? json() : measure_meshes(meshes, mount)}}},
+        {"instructions",
+         options.counted_program.empty() ? left_out("only counted on x86-64") : count_instructions(options)},
+        {"mesh_difference", options.quick ? left_out("--quick leaves it out") : measure_meshes(meshes, mount)}}},
       {"speed_error", speed_error}};
   for (const json& row : iterations) {
     std::printf("%6d tets  %-9s  derivatives %9.1f  factor %9.1f  solve %8.1f  step %8.1f  sum %9.1f us\n",
