@@ -21,7 +21,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using BodyVector = PushedFinger::BodyVector;
 
-constexpr int kNumbers = PlateErrors::kNumbers;
 constexpr Index kMaxDirections = 16;  // the other two, in which a finger hardly moves, would take half the time more
 constexpr int kMaxFactors = 10, kMaxChords = 12;  // of one estimate; with one factor
 constexpr double kChordsPerFactor = 9;            // that take as long. Measured on the default finger: 36 and 4 ms.
@@ -52,7 +51,7 @@ ContactForceSolver::Problem::Problem(const FingerSpec& spec, const TetMesh& tets
       force(finger.zero()) {
   for (Index j = 0; j < count; ++j) candidates_mm.col(j) = candidates[static_cast<std::size_t>(j)].at_mm;
   response.grid_mm = candidates_mm.topRows<2>();
-  response.at_grid.resize(kNumbers, count);
+  response.at_grid.resize(kPoseDims, count);
   response.at = [this](const Eigen::Vector2d& place) { return tangent.of(finger.at(place)); };
   response.inside = [this](const Eigen::Vector2d& place) { return finger.inside(place); };
   prepare_starts(start_points);
@@ -81,8 +80,8 @@ void ContactForceSolver::Problem::prepare_starts(int points) {
 // Displacements, and stresses too: those of a mixture are nearer to an equilibrium's than what its displacements make,
 // because rotations of slender walls then do not look like strains.
 void ContactForceSolver::Problem::blend_starts() {
-  const PlateErrors::Numbers at_rest = errors.at(finger.rest.u);
-  MatrixXd motion(kNumbers, static_cast<Index>(starts.size()));
+  const PoseVectorOf<double> at_rest = errors.at(finger.rest.u);
+  MatrixXd motion(kPoseDims, static_cast<Index>(starts.size()));
   for (std::size_t s = 0; s < starts.size(); ++s) motion.col(static_cast<Index>(s)) = errors.at(starts[s].u) - at_rest;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> known(MatrixXd(motion * motion.transpose()));
   const Index seen = (known.eigenvalues().array() > 0.01 / static_cast<double>(starts.size())).count();
@@ -133,7 +132,7 @@ bool ContactForceSolver::Problem::chord(const ContactChoice& choice) {
 
 /// How much more a contact must explain than noise would, where `objective` is what the start leaves: it is not more
 /// exact than that.
-double noise_inflation(double objective) { return std::clamp(2 * objective / kNumbers, 1.0, kMaxNoiseInflation); }
+double noise_inflation(double objective) { return std::clamp(2 * objective / kPoseDims, 1.0, kMaxNoiseInflation); }
 
 // From the present state. Chords follow a factor as long as that takes less time than a new one. Contacts are chosen
 // when the steps start and, the steps having become still, again, until their number stays; between, they only move.

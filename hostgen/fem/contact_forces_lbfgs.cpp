@@ -120,7 +120,7 @@ bool ContactForceSolver::press(const VectorXd& candidate_force_n) {
 double ContactForceSolver::objective(const PlatePoses& measured, VectorXd* gradient) {
   Problem& p = *problem_;
   p.errors.set_measured(measured);
-  const PlateErrors::Numbers y = p.errors.at(p.state.u);
+  const PoseVectorOf<double> y = p.errors.at(p.state.u);
   if (gradient) {
     BodyVector w = p.finger.zero();
     p.errors.transpose(y, w);

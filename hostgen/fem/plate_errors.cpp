@@ -55,8 +55,8 @@ void PlateErrors::set_measured(const PlatePoses& measured) {
   }
 }
 
-PlateErrors::Numbers PlateErrors::at(std::span<const double> u) const {
-  Numbers y;
+PoseVectorOf<double> PlateErrors::at(std::span<const double> u) const {
+  PoseVectorOf<double> y;
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Fit& fit = fits_[p];
     Vector6 sums = Vector6::Zero();
@@ -72,7 +72,7 @@ PlateErrors::Numbers PlateErrors::at(std::span<const double> u) const {
   return y;
 }
 
-void PlateErrors::transpose(const Numbers& y, std::span<double> w) const {
+void PlateErrors::transpose(const PoseVectorOf<double>& y, std::span<double> w) const {
   std::fill(w.begin(), w.end(), 0.0);
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Fit& fit = fits_[p];

@@ -14,18 +14,15 @@ namespace finsight::host {
 /// the fit is made about the measured pose, which is why A is constant for one measurement.
 class PlateErrors {
  public:
-  static constexpr int kNumbers = 6 * kPlates;
-  using Numbers = Eigen::Matrix<double, kNumbers, 1>;
-
-  /// `mesh` and `body` must live as long. Standard deviations below 1e-6 (mm, rad) count as that.
+  /// `mesh` and `body` must outlive this object. Standard deviations below 1e-6 (mm, rad) count as that.
   PlateErrors(const FingerSpec& spec, const QuadraticMesh& mesh, const ElasticBody& body);
 
   /// Plates that are not seen get no weight: their errors are 0.
   void set_measured(const PlatePoses& measured);
   /// y at displacements `u`, a vector of the body.
-  Numbers at(std::span<const double> u) const;
+  PoseVectorOf<double> at(std::span<const double> u) const;
   /// A^T y, a vector of the body.
-  void transpose(const Numbers& y, std::span<double> w) const;
+  void transpose(const PoseVectorOf<double>& y, std::span<double> w) const;
 
  private:
   using Matrix6 = Eigen::Matrix<double, 6, 6>;

@@ -20,7 +20,7 @@ const Model& model() {
 }
 
 PlatePoses resting(float size) {
-  std::array<float, 18> numbers{};
+  std::array<float, kPoseDims> numbers{};
   for (std::size_t p = 0; p < kPlates; ++p) numbers[6 * p + 2] = size;
   return seen_poses(numbers);
 }

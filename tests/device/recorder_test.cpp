@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "firmware/ports/camera.h"
+#include "tests/device/open_file.h"
 #include "tests/model/scratch_folder.h"
 
 using namespace finsight;
@@ -39,12 +40,6 @@ struct Watch {
 } watch;
 std::atomic<int> delay_of_writes_ms{0};
 
-std::string name_of(int fd) {
-  char name[4096];
-  const ssize_t length = ::readlink(("/proc/self/fd/" + std::to_string(fd)).c_str(), name, sizeof name);
-  return {name, static_cast<std::size_t>(std::max<ssize_t>(length, 0))};
-}
-
 }  // namespace
 
 // The linker calls these instead of the system's (--wrap).
@@ -58,7 +53,7 @@ ssize_t __wrap_write(int fd, const void* bytes, std::size_t count) {
 }
 int __wrap_fsync(int fd) {
   const std::lock_guard lock(watch.mutex);
-  watch.synced.push_back(name_of(fd));
+  watch.synced.push_back(test::path_of(fd));
   return __real_fsync(fd);
 }
 int __wrap_rename(const char* from, const char* to) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "firmware/input_error.h"
+#include "tests/device/open_file.h"
 #include "tests/model/scratch_folder.h"
 
 using namespace finsight;
@@ -25,12 +26,6 @@ struct Step {
 std::vector<Step> steps;
 bool watching = false, refuses_sync = false;
 
-std::string name_of(int fd) {
-  char name[4096];
-  const ssize_t length = ::readlink(("/proc/self/fd/" + std::to_string(fd)).c_str(), name, sizeof name);
-  return {name, static_cast<std::size_t>(std::max<ssize_t>(length, 0))};
-}
-
 }  // namespace
 
 // The linker calls these instead of the system's (--wrap).
@@ -39,7 +34,7 @@ ssize_t __real_write(int fd, const void* bytes, std::size_t count);
 int __real_fsync(int fd);
 int __real_rename(const char* from, const char* to);
 ssize_t __wrap_write(int fd, const void* bytes, std::size_t count) {
-  if (watching) steps.push_back({Step::kWrite, name_of(fd), {static_cast<const char*>(bytes), count}});
+  if (watching) steps.push_back({Step::kWrite, test::path_of(fd), {static_cast<const char*>(bytes), count}});
   return __real_write(fd, bytes, count);
 }
 int __wrap_fsync(int fd) {
@@ -47,8 +42,8 @@ int __wrap_fsync(int fd) {
     errno = EIO;
     return -1;
   }
-  const bool is_folder = std::filesystem::is_directory(name_of(fd));
-  if (watching) steps.push_back({is_folder ? Step::kSyncFolder : Step::kSync, name_of(fd), ""});
+  const bool is_folder = std::filesystem::is_directory(test::path_of(fd));
+  if (watching) steps.push_back({is_folder ? Step::kSyncFolder : Step::kSync, test::path_of(fd), ""});
   return __real_fsync(fd);
 }
 int __wrap_rename(const char* from, const char* to) {

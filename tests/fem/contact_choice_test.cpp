@@ -16,16 +16,16 @@ using Eigen::VectorXd;
 
 namespace {
 
-/// A strip, 60 mm long and 4 mm wide, seen by 18 smooth functions of the place, in standard deviations of a
-/// measurement.
+/// A strip, 60 mm long and 4 mm wide, seen by as many smooth functions of the place as there are plate numbers, in
+/// standard deviations of a measurement.
 struct Strip {
   PushResponse response;
   Random random{7};
 
   Strip() {
     response.at = [](const Eigen::Vector2d& place) {
-      VectorXd numbers(18);
-      for (Index i = 0; i < 18; ++i) {
+      VectorXd numbers(kPoseDims);
+      for (Index i = 0; i < kPoseDims; ++i) {
         const double peak = 30 * std::exp(-std::pow((place.y() - 4.0 * static_cast<double>(i) + 4) / 12, 2));
         numbers[i] = peak * (1 + (i % 2 ? 0.1 : -0.1) * place.x());
       }
@@ -35,7 +35,7 @@ struct Strip {
       return Eigen::Vector2d(std::clamp(place.x(), -2.0, 2.0), std::clamp(place.y(), 0.0, 60.0));
     };
     response.grid_mm.resize(2, 3 * 31);
-    response.at_grid.resize(18, 3 * 31);
+    response.at_grid.resize(kPoseDims, 3 * 31);
     for (Index k = 0; k < 3 * 31; ++k) {
       response.grid_mm.col(k) << 2.0 * static_cast<double>(k % 3 - 1), 2.0 * static_cast<double>(k / 3);
       response.at_grid.col(k) = response.at(response.grid_mm.col(k));
@@ -43,7 +43,7 @@ struct Strip {
   }
   /// Pushes (y, force) on the middle line.
   VectorXd measured(const std::vector<std::pair<double, double>>& pushes) {
-    VectorXd goal(18);
+    VectorXd goal(kPoseDims);
     for (double& x : goal) x = random.normal();
     for (const auto& push : pushes) goal += push.second * response.at(Eigen::Vector2d(0, push.first));
     return goal;

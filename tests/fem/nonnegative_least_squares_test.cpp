@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 
+#include "firmware/types.h"
 #include "hostgen/util/random.h"
 
 using namespace finsight::host;
@@ -24,12 +25,12 @@ MatrixXd random_matrix(Random& random, Index rows, Index cols) {
 TEST_CASE("nonnegative least squares: the optimality conditions hold") {
   Random random(3);
   for (int round = 0; round < 20; ++round) {
-    const MatrixXd A = random_matrix(random, 18, 40);
-    const VectorXd b = random_matrix(random, 18, 1), x = nonnegative_least_squares(A, b);
+    const MatrixXd A = random_matrix(random, kPoseDims, 40);
+    const VectorXd b = random_matrix(random, kPoseDims, 1), x = nonnegative_least_squares(A, b);
     const VectorXd pull = A.transpose() * (b - A * x);
     CHECK(x.minCoeff() >= 0);
-    CHECK(pull.maxCoeff() < 1e-8);                             // no force at zero wants to grow
-    CHECK(pull.cwiseProduct(x).cwiseAbs().maxCoeff() < 1e-8);  // and none that carries wants to change
+    CHECK(pull.maxCoeff() < 1e-8);                             // raising a zero entry does not help
+    CHECK(pull.cwiseProduct(x).cwiseAbs().maxCoeff() < 1e-8);  // nor does changing a positive one
     CHECK((b - A * x).norm() < b.norm());
   }
 }

@@ -24,7 +24,7 @@ namespace {
 struct Finger {
   explicit Finger(const host::TetMesh& mesh) : data(host::make_shape_model(mesh)), mount(test::mount_of(mesh)) {
     constexpr int kSamples = 400;
-    Eigen::MatrixXf poses(kSamples, 18), displacement(kSamples, static_cast<Eigen::Index>(data.rest_mm.size()));
+    Eigen::MatrixXf poses(kSamples, kPoseDims), displacement(kSamples, static_cast<Eigen::Index>(data.rest_mm.size()));
     NewtonSolver<double> solver(data.view(), mount);
     const host::HardMotion motion(mount);
     test::Random random(3);

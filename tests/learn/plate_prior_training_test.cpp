@@ -13,7 +13,7 @@ using namespace finsight::host;
 namespace {
 
 Eigen::MatrixXd covariance_of(const PlatePriorData& prior) {
-  return Eigen::Map<const Eigen::Matrix<float, 18, 18>>(prior.covariance.data()).cast<double>();
+  return Eigen::Map<const Eigen::Matrix<float, kPoseDims, kPoseDims>>(prior.covariance.data()).cast<double>();
 }
 
 }  // namespace
@@ -27,12 +27,12 @@ TEST_CASE("plate prior: mean and covariance of all states and their fractions, b
       samples.push_back(fraction * touch_sample(state).numbers.cast<double>());
     }
   }
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(18);
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(kPoseDims);
   for (const auto& sample : samples) mean += sample / double(samples.size());
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(18, 18);
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(kPoseDims, kPoseDims);
   for (const auto& sample : samples)
     covariance += (sample - mean) * (sample - mean).transpose() / double(samples.size());
-  for (int i = 0; i < 18; ++i) covariance(i, i) += i % 6 < 3 ? 0.01 : 2.5e-5;
+  for (int i = 0; i < kPoseDims; ++i) covariance(i, i) += i % 6 < 3 ? 0.01 : 2.5e-5;
   CHECK((Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>() - mean).norm() < 1e-5);
   CHECK((covariance_of(prior) - covariance).norm() < 1e-5 * covariance.norm());
 }

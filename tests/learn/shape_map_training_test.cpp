@@ -15,10 +15,10 @@ namespace {
 // The formula of ShapeMapModel, written from its docstring.
 Eigen::VectorXf answer(const ShapeMapModel& map, const Eigen::VectorXf& pose) {
   std::vector<float> x, features = {1};
-  for (int i = 0; i < 18; ++i) x.push_back(map.scale[std::size_t(i)] * pose[i]);
+  for (int i = 0; i < kPoseDims; ++i) x.push_back(map.scale[std::size_t(i)] * pose[i]);
   features.insert(features.end(), x.begin(), x.end());
-  for (std::size_t i = 0; i < 18; ++i) {
-    for (std::size_t j = i; j < 18; ++j) features.push_back(x[i] * x[j]);
+  for (std::size_t i = 0; i < kPoseDims; ++i) {
+    for (std::size_t j = i; j < kPoseDims; ++j) features.push_back(x[i] * x[j]);
   }
   REQUIRE(features.size() == std::size_t(ShapeMapModel::kFeatures));
   const std::size_t size = map.basis.size() / std::size_t(map.rank);
@@ -35,8 +35,8 @@ Eigen::VectorXf answer(const ShapeMapModel& map, const Eigen::VectorXf& pose) {
 struct QuadraticFinger {
   Eigen::MatrixXf linear, quadratic, directions;
   QuadraticFinger(int rank, int nodes, Random& random) {
-    linear = random_matrix(rank, 18, random);
-    quadratic = 0.1f * random_matrix(rank, 18 * 18, random);
+    linear = random_matrix(rank, kPoseDims, random);
+    quadratic = 0.1f * random_matrix(rank, kPoseDims * kPoseDims, random);
     directions = random_matrix(3 * nodes, rank, random);
   }
   static Eigen::MatrixXf random_matrix(int rows, int cols, Random& random) {
@@ -51,8 +51,8 @@ struct QuadraticFinger {
 };
 
 Eigen::VectorXf random_pose(Random& random) {
-  Eigen::VectorXf pose(18);
-  for (int i = 0; i < 18; ++i) pose[i] = float(random.normal()) * (i % 6 < 3 ? 3.0f : 0.1f);
+  Eigen::VectorXf pose(kPoseDims);
+  for (int i = 0; i < kPoseDims; ++i) pose[i] = float(random.normal()) * (i % 6 < 3 ? 3.0f : 0.1f);
   return pose;
 }
 
@@ -60,7 +60,7 @@ struct Samples {
   Eigen::MatrixXf poses, displacement_mm;
 };
 Samples draw(const QuadraticFinger& finger, int count, Random& random) {
-  Samples samples{Eigen::MatrixXf(count, 18), Eigen::MatrixXf(count, finger.directions.rows())};
+  Samples samples{Eigen::MatrixXf(count, kPoseDims), Eigen::MatrixXf(count, finger.directions.rows())};
   for (int s = 0; s < count; ++s) {
     const Eigen::VectorXf pose = random_pose(random);
     samples.poses.row(s) = pose.transpose();
@@ -91,7 +91,7 @@ TEST_CASE("shape map: no motion is exactly no displacement, because the constant
   samples.displacement_mm.array() += 0.3f;  // an offset that a constant would absorb
   const ShapeMapData map = fit_shape_map(samples.poses, samples.displacement_mm, 4);
   for (std::size_t r = 0; r < 4; ++r) CHECK(map.weights[r * ShapeMapModel::kFeatures] == 0);
-  CHECK(answer(map.view(), Eigen::VectorXf::Zero(18)).norm() == 0);
+  CHECK(answer(map.view(), Eigen::VectorXf::Zero(kPoseDims)).norm() == 0);
 }
 
 TEST_CASE("shape map: the basis is orthonormal and spans what a dense singular value decomposition finds") {
@@ -99,7 +99,7 @@ TEST_CASE("shape map: the basis is orthonormal and spans what a dense singular v
   const int samples = 90, size = 60, rank = 6;
   Eigen::MatrixXf displacement = QuadraticFinger::random_matrix(samples, size, random);
   for (int i = 0; i < size; ++i) displacement.col(i) *= std::pow(0.7f, float(i));  // a decaying spectrum
-  Eigen::MatrixXf poses(samples, 18);
+  Eigen::MatrixXf poses(samples, kPoseDims);
   for (int s = 0; s < samples; ++s) poses.row(s) = random_pose(random).transpose();
   const ShapeMapData map = fit_shape_map(poses, displacement, rank);
   const Eigen::MatrixXf basis =
@@ -117,7 +117,7 @@ TEST_CASE("shape map: copes with a plate number that never moves, and with a fin
   const ShapeMapData map = fit_shape_map(samples.poses, samples.displacement_mm, 3);
   for (const float number : map.weights) CHECK(std::isfinite(number));
   CHECK(map.scale[4] < 100);
-  const ShapeMapData still = fit_shape_map(Eigen::MatrixXf::Zero(30, 18), Eigen::MatrixXf::Zero(30, 45), 3);
+  const ShapeMapData still = fit_shape_map(Eigen::MatrixXf::Zero(30, kPoseDims), Eigen::MatrixXf::Zero(30, 45), 3);
   for (const float number : still.weights) CHECK(number == 0);
   for (const float number : still.basis) CHECK(std::isfinite(number));
 }
@@ -125,9 +125,9 @@ TEST_CASE("shape map: copes with a plate number that never moves, and with a fin
 TEST_CASE("shape map: refuses matrices whose sizes do not agree") {
   CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(30, 17), Eigen::MatrixXf::Zero(30, 45), 3),
                   std::invalid_argument);
-  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(29, 18), Eigen::MatrixXf::Zero(30, 45), 3),
+  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(29, kPoseDims), Eigen::MatrixXf::Zero(30, 45), 3),
                   std::invalid_argument);
-  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(10, 18), Eigen::MatrixXf::Zero(10, 45), 11),
+  CHECK_THROWS_AS(fit_shape_map(Eigen::MatrixXf::Zero(10, kPoseDims), Eigen::MatrixXf::Zero(10, 45), 11),
                   std::invalid_argument);
 }
 

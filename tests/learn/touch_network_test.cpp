@@ -148,7 +148,7 @@ TEST_CASE("touch samples: noise has the spec's deviations along the camera's axe
   std::array<PoseNoise, kPlates> noise = {};
   noise[1] = {0.1, 0.4, 0.02, 0.005};
   Random random(3);
-  Eigen::ArrayXd squares = Eigen::ArrayXd::Zero(18);
+  Eigen::ArrayXd squares = Eigen::ArrayXd::Zero(kPoseDims);
   constexpr int kCount = 20000;
   for (int i = 0; i < kCount; ++i) {
     PoseVector numbers = PoseVector::Zero();

@@ -121,7 +121,7 @@ TEST_CASE("touch training: plates that are not seen widen the radius") {
 TEST_CASE("touch training: the model has the sizes and the threshold that the pack expects") {
   const TouchModel model = trained().model.view();
   CHECK(model.threshold_mm == 2);
-  CHECK(model.scale.size() == 18);
+  CHECK(model.scale.size() == kPoseDims);
   CHECK(model.input_mean.size() == TouchModel::kInputs);
   CHECK(model.output_scale.size() == TouchModel::kOutputs);
   CHECK(model.layers[0].inputs == TouchModel::kInputs);

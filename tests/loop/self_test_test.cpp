@@ -17,14 +17,14 @@ namespace {
 TinyModel with_answers(TinyModel tiny) {
   const Model model = tiny.open();
   for (std::size_t c = 0; c < TinyModel::kCases; ++c) {
-    const SelfTestAnswer answer = answer_self_test(model, model.self_test.poses.subspan(18 * c, 18));
+    const SelfTestAnswer answer = answer_self_test(model, model.self_test.poses.subspan(kPoseDims * c, kPoseDims));
     std::copy(answer.shape_mm.begin(), answer.shape_mm.end(), &tiny.test_shape_mm[c * answer.shape_mm.size()]);
     std::copy(answer.touch.begin(), answer.touch.end(), &tiny.test_touch[7 * c]);
     std::copy(answer.registers.words.begin(), answer.registers.words.end(),
               &tiny.test_registers[kMeasurementRegisters * c]);
     if (!tiny.has_contact_map) continue;
-    const SelfTestAnswer by_contact =
-        answer_self_test(model, model.self_test.poses.subspan(18 * c, 18), {.tier = ShapeSettings::Tier::kContact});
+    const SelfTestAnswer by_contact = answer_self_test(model, model.self_test.poses.subspan(kPoseDims * c, kPoseDims),
+                                                       {.tier = ShapeSettings::Tier::kContact});
     std::copy(by_contact.shape_mm.begin(), by_contact.shape_mm.end(),
               &tiny.test_contact_shape_mm[c * by_contact.shape_mm.size()]);
     std::copy(by_contact.registers.words.begin(), by_contact.registers.words.end(),
@@ -38,7 +38,7 @@ const TinyModel& good() {
   static const TinyModel tiny = [] {
     TinyModel model;
     for (std::size_t p = 0; p < kPlates; ++p)
-      model.test_poses[18 + 6 * p + 2] = 15 - 3 * static_cast<float>(p);  // z, mm
+      model.test_poses[kPoseDims + 6 * p + 2] = 15 - 3 * static_cast<float>(p);  // z, mm
     return with_answers(model);
   }();
   return tiny;

@@ -108,7 +108,7 @@ TEST_CASE("values: refuses an impossible mount") {
 
 TEST_CASE("values: refuses a self-test beyond any finger") {
   const HostileModel all[] = {
-      {"motion", [](TinyModel& t) { t.test_poses[18] = 300; }, "'self_test.poses': found case 1 out of range"},
+      {"motion", [](TinyModel& t) { t.test_poses[kPoseDims] = 300; }, "'self_test.poses': found case 1 out of range"},
       {"turn", [](TinyModel& t) { t.test_poses[3] = 4; }, "'self_test.poses': found case 0 out of range"},
       {"shape", [](TinyModel& t) { t.test_shape_mm[1] = -1e6f; }, "'self_test.shape_mm'"},
       {"contact shape", [](TinyModel& t) { t.test_contact_shape_mm[1] = -1e6f; }, "'self_test.contact_shape_mm'"},

@@ -241,5 +241,5 @@ TEST_CASE("model: plate numbers are displacement and rotation, plate by plate") 
     poses.plates[static_cast<std::size_t>(p)].displacement_mm = Vec3f(0, 1, 2).array() + static_cast<float>(6 * p);
     poses.plates[static_cast<std::size_t>(p)].rotation_rad = Vec3f(3, 4, 5).array() + static_cast<float>(6 * p);
   }
-  for (int i = 0; i < 18; ++i) CHECK(pose_vector(poses)[i] == static_cast<float>(i));
+  for (int i = 0; i < kPoseDims; ++i) CHECK(pose_vector(poses)[i] == static_cast<float>(i));
 }

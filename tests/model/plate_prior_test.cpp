@@ -15,14 +15,15 @@ namespace {
 struct TestPrior {
   std::vector<float> mean, covariance;
   TestPrior() {
-    Eigen::Matrix<double, 18, 18> factor;
-    for (int i = 0; i < 18; ++i) {
-      for (int j = 0; j < 18; ++j) factor(i, j) = std::sin(1.7 * i + 0.9 * j * j) * (i % 6 < 3 ? 4 : 0.1) / (1 + j);
+    Eigen::Matrix<double, kPoseDims, kPoseDims> factor;
+    for (int i = 0; i < kPoseDims; ++i) {
+      for (int j = 0; j < kPoseDims; ++j)
+        factor(i, j) = std::sin(1.7 * i + 0.9 * j * j) * (i % 6 < 3 ? 4 : 0.1) / (1 + j);
     }
-    Eigen::Matrix<double, 18, 18> dense = factor * factor.transpose();
-    for (int i = 0; i < 18; ++i) dense(i, i) += i % 6 < 3 ? 0.01 : 2.5e-5;
+    Eigen::Matrix<double, kPoseDims, kPoseDims> dense = factor * factor.transpose();
+    for (int i = 0; i < kPoseDims; ++i) dense(i, i) += i % 6 < 3 ? 0.01 : 2.5e-5;
     for (const double value : dense.reshaped()) covariance.push_back(float(value));
-    for (int i = 0; i < 18; ++i) mean.push_back(float(std::cos(i)));
+    for (int i = 0; i < kPoseDims; ++i) mean.push_back(float(std::cos(i)));
   }
   PlatePrior view() const { return {mean, covariance, {}}; }
 };
@@ -30,9 +31,9 @@ struct TestPrior {
 // The textbook formula, with a dense factorisation.
 Eigen::VectorXd conditional_mean(const TestPrior& prior, const std::array<bool, 3>& seen, const PoseVector& numbers) {
   std::vector<int> known, unknown;
-  for (int i = 0; i < 18; ++i) (seen[std::size_t(i / 6)] ? known : unknown).push_back(i);
+  for (int i = 0; i < kPoseDims; ++i) (seen[std::size_t(i / 6)] ? known : unknown).push_back(i);
   const Eigen::MatrixXd covariance =
-      Eigen::Map<const Eigen::Matrix<float, 18, 18>>(prior.covariance.data()).cast<double>();
+      Eigen::Map<const Eigen::Matrix<float, kPoseDims, kPoseDims>>(prior.covariance.data()).cast<double>();
   const Eigen::VectorXd mean = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
   Eigen::VectorXd result = numbers.cast<double>();
   const Eigen::VectorXd deviation = (numbers.cast<double>() - mean)(known);
@@ -43,7 +44,7 @@ Eigen::VectorXd conditional_mean(const TestPrior& prior, const std::array<bool, 
 
 PoseVector some_numbers() {
   PoseVector numbers;
-  for (int i = 0; i < 18; ++i) numbers[i] = std::sin(3.0f * float(i)) * (i % 6 < 3 ? 5.0f : 0.1f);
+  for (int i = 0; i < kPoseDims; ++i) numbers[i] = std::sin(3.0f * float(i)) * (i % 6 < 3 ? 5.0f : 0.1f);
   return numbers;
 }
 

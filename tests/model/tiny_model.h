@@ -166,7 +166,7 @@ struct TinyModel {
   }
 
   void make_map(Random& random) {
-    for (int i = 0; i < 18; ++i) map_scale.push_back(i % 6 < 3 ? 0.1f : 1.f);
+    for (int i = 0; i < kPoseDims; ++i) map_scale.push_back(i % 6 < 3 ? 0.1f : 1.f);
     map_weights = numbers(random, kRank * ShapeMapModel::kFeatures, 0.1f);
     for (int r = 0; r < kRank; ++r) map_weights[static_cast<std::size_t>(r * ShapeMapModel::kFeatures)] = 0;  // rest
     map_basis = numbers(random, kRank * 3 * kNodes, 0.1f);
@@ -174,7 +174,7 @@ struct TinyModel {
   }
 
   void make_network(Random& random) {
-    for (int i = 0; i < 18; ++i) touch_scale.push_back(i % 6 < 3 ? 1.f : 20.f);
+    for (int i = 0; i < kPoseDims; ++i) touch_scale.push_back(i % 6 < 3 ? 1.f : 20.f);
     input_mean = numbers(random, TouchModel::kInputs, 0.1f);
     input_scale.assign(TouchModel::kInputs, 1.5f);
     output_mean = {0, 60, 0, 0, 0, 2, 3, 0, 0, 0, -1};
@@ -191,12 +191,12 @@ struct TinyModel {
 
   /// Plates that move together towards the back, with a little motion of their own.
   void make_prior(Random& random) {
-    prior_mean = numbers(random, 18, 0.01f);
-    prior_noise.assign(18, 0.01f);
-    Eigen::Matrix<float, 18, 1> common = Eigen::Matrix<float, 18, 1>::Zero();
+    prior_mean = numbers(random, kPoseDims, 0.01f);
+    prior_noise.assign(kPoseDims, 0.01f);
+    PoseVector common = PoseVector::Zero();
     for (int p = 0; p < kPlates; ++p) common.segment<6>(6 * p) << 0, -0.5f, 3, 0.05f, 0, 0;
-    Eigen::Matrix<float, 18, 18> covariance = common * common.transpose();
-    for (int i = 0; i < 18; ++i) covariance(i, i) += i % 6 < 3 ? 0.25f : 0.001f;
+    Eigen::Matrix<float, kPoseDims, kPoseDims> covariance = common * common.transpose();
+    for (int i = 0; i < kPoseDims; ++i) covariance(i, i) += i % 6 < 3 ? 0.25f : 0.001f;
     prior_covariance.assign(covariance.data(), covariance.data() + covariance.size());
   }
 
@@ -216,7 +216,7 @@ struct TinyModel {
   }
 
   void make_self_test(Random& random) {
-    test_poses = numbers(random, 18 * kCases, 0.05f);
+    test_poses = numbers(random, kPoseDims * kCases, 0.05f);
     for (int c = 0; c < kCases; ++c) test_shape_mm.insert(test_shape_mm.end(), rest_mm.begin(), rest_mm.end());
     test_contact_shape_mm = test_shape_mm;
     test_touch.assign(7 * kCases, 0);

@@ -24,10 +24,10 @@ struct RandomMap {
       for (std::size_t i = 0; i < count; ++i) values.push_back(static_cast<float>(random.normal()));
     };
     fill(rest, kCoordinates);
-    fill(scale, 18);
+    fill(scale, kPoseDims);
     fill(weights, static_cast<std::size_t>(rank) * ShapeMapModel::kFeatures);
     fill(basis, static_cast<std::size_t>(rank) * kCoordinates);
-    fill(numbers, 18);
+    fill(numbers, kPoseDims);
   }
   ShapeMapModel map() const { return {rank, scale, weights, basis}; }
   ShapeModel shape() const {
@@ -40,12 +40,11 @@ struct RandomMap {
     ShapeModel model = shape();
     model.front_nodes = front;
     const ShapeMap shape_map(map(), model);
-    return MapMeasures(map(), model)
-        .measure(shape_map.coefficients(Eigen::Map<const Eigen::Matrix<float, 18, 1>>(numbers.data())));
+    return MapMeasures(map(), model).measure(shape_map.coefficients(Eigen::Map<const PoseVector>(numbers.data())));
   }
   std::vector<float> evaluate() const {
     std::vector<float> node_mm(kCoordinates, -1.0f);
-    ShapeMap(map(), shape()).evaluate(Eigen::Map<const Eigen::Matrix<float, 18, 1>>(numbers.data()), node_mm);
+    ShapeMap(map(), shape()).evaluate(Eigen::Map<const PoseVector>(numbers.data()), node_mm);
     return node_mm;
   }
   int rank;
@@ -70,8 +69,8 @@ TEST_CASE("shape map: equals rest plus basis times weights times features") {
   Eigen::VectorXd features(ShapeMapModel::kFeatures);
   features << 1, x, Eigen::VectorXd::Zero(171);
   int at = 19;
-  for (int i = 0; i < 18; ++i)
-    for (int j = i; j < 18; ++j) features[at++] = x[i] * x[j];
+  for (int i = 0; i < kPoseDims; ++i)
+    for (int j = i; j < kPoseDims; ++j) features[at++] = x[i] * x[j];
   REQUIRE(at == ShapeMapModel::kFeatures);
   const Eigen::VectorXd expected =
       vector(random.rest) + rows(random.basis, 5).transpose() * (rows(random.weights, 5) * features);

@@ -45,7 +45,7 @@ struct Finger {
   MountModel mount;
   Cholesky<float> cholesky{data.view().cholesky};
   Elements<float> elements{data.view(), &cholesky};
-  std::vector<float> scale = std::vector<float>(18, 1.0f);
+  std::vector<float> scale = std::vector<float>(kPoseDims, 1.0f);
   std::vector<float> weights = std::vector<float>(ShapeMapModel::kFeatures, 0.0f), basis;
 };
 

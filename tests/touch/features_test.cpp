@@ -15,7 +15,7 @@ struct PlainModel {
                      zeros = std::vector<float>(TouchModel::kInputs, 0);
   TouchModel model;
   PlainModel() {
-    model.scale = std::span(ones).first(18);
+    model.scale = std::span(ones).first(kPoseDims);
     model.input_mean = zeros;
     model.input_scale = ones;
   }
@@ -23,7 +23,7 @@ struct PlainModel {
 
 PoseVector some_numbers() {
   PoseVector numbers;
-  for (int i = 0; i < 18; ++i) numbers[i] = std::sin(1.0f + float(i));
+  for (int i = 0; i < kPoseDims; ++i) numbers[i] = std::sin(1.0f + float(i));
   return numbers;
 }
 
@@ -35,13 +35,13 @@ TEST_CASE("features: the direction has length one, size and noise are logarithms
   touch_features(plain.model, some_numbers(), {1, 100, 0.1f}, inputs);
   touch_features(plain.model, 2 * some_numbers(), {1, 1, 1}, twice);
   float length_sq = 0;
-  for (std::size_t i = 0; i < 18; ++i) {
+  for (std::size_t i = 0; i < kPoseDims; ++i) {
     length_sq += inputs[i] * inputs[i];
     CHECK(twice[i] == doctest::Approx(double(inputs[i])).epsilon(1e-3));
   }
   CHECK(length_sq == doctest::Approx(1).epsilon(1e-3));
-  CHECK(double(inputs[18]) == doctest::Approx(std::log(double(some_numbers().norm()) + 1e-3)));
-  CHECK(double(twice[18] - inputs[18]) == doctest::Approx(std::log(2)).epsilon(1e-3));
+  CHECK(double(inputs[kPoseDims]) == doctest::Approx(std::log(double(some_numbers().norm()) + 1e-3)));
+  CHECK(double(twice[kPoseDims] - inputs[kPoseDims]) == doctest::Approx(std::log(2)).epsilon(1e-3));
   CHECK(inputs[19] == 0);
   CHECK(double(inputs[20]) == doctest::Approx(std::log(100)));
   CHECK(double(inputs[21]) == doctest::Approx(std::log(0.1)));
@@ -51,13 +51,13 @@ TEST_CASE("features: at rest they are finite") {
   const PlainModel plain;
   std::array<float, TouchModel::kInputs> inputs;
   touch_features(plain.model, PoseVector::Zero(), {1, 1, 1}, inputs);
-  for (std::size_t i = 0; i < 18; ++i) CHECK(inputs[i] == 0);
-  CHECK(double(inputs[18]) == doctest::Approx(std::log(1e-3)));
+  for (std::size_t i = 0; i < kPoseDims; ++i) CHECK(inputs[i] == 0);
+  CHECK(double(inputs[kPoseDims]) == doctest::Approx(std::log(1e-3)));
 }
 
 TEST_CASE("features: scale is applied before the direction, mean and input scale after it") {
   PlainModel plain;
-  std::vector<float> scale(18, 1), mean(TouchModel::kInputs, 0.5f), factor(TouchModel::kInputs, 3);
+  std::vector<float> scale(kPoseDims, 1), mean(TouchModel::kInputs, 0.5f), factor(TouchModel::kInputs, 3);
   scale[3] = 20;
   plain.model.scale = scale;
   plain.model.input_mean = mean;

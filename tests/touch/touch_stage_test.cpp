@@ -108,7 +108,7 @@ TEST_CASE("touch stage: beyond the trained plate motion it reports over range in
   CHECK_FALSE(stage.locate(poses_of(kPushed)).over_range);
 }
 
-TEST_CASE("touch stage: a point beside the face, or a meaninglessly large radius, is not a touch") {
+TEST_CASE("touch stage: a point off the face, or a meaninglessly large radius, is not a touch") {
   test::TinyModel tiny;
   Model model = tiny.open();
   model.touch = trained().model.view();

@@ -20,12 +20,12 @@ Paint quick_paint() {
   return paint;
 }
 
-std::vector<std::uint8_t> paint_moved(const Lens& camera, const Numbers& numbers, std::uint64_t seed) {
+std::vector<std::uint8_t> paint_moved(const Lens& camera, const PoseVectord& numbers, std::uint64_t seed) {
   return paint_plates(test_mount(), camera, plate_motions(numbers), quick_paint(), seed);
 }
 
 /// Mean distance of the seen markers' corners from the truth.
-double mean_error_px(const Lens& camera, const Numbers& numbers, const MarkerCorners& found) {
+double mean_error_px(const Lens& camera, const PoseVectord& numbers, const MarkerCorners& found) {
   const MarkerCorners truth = corners_of(test_mount(), camera, plate_motions(numbers));
   double sum = 0;
   int count = 0;
@@ -57,7 +57,7 @@ TEST_CASE("markers: finds all three to 0.05 pixels, at rest and moved, in both i
     Random random(21);
     for (int i = 0; i < 4; ++i) {
       MarkerStage stage(test_mount(), camera);
-      const Numbers numbers = i == 0 ? Numbers(Numbers::Zero()) : prior.draw(random);
+      const PoseVectord numbers = i == 0 ? PoseVectord(PoseVectord::Zero()) : prior.draw(random);
       const std::vector<std::uint8_t> grey = paint_moved(camera, numbers, static_cast<std::uint64_t>(i));
       const MarkerCorners& found = stage.find(frame_of(camera, grey));
       REQUIRE(found.seen == kAll);
@@ -71,7 +71,7 @@ TEST_CASE("markers: follows them through a fast touch, with the same corners as 
   const Lens camera = camera_640x480();
   MarkerStage following(test_mount(), camera);
   for (int i = 0; i < 6; ++i) {
-    Numbers numbers = Numbers::Zero();
+    PoseVectord numbers = PoseVectord::Zero();
     numbers += 0.4 * i * prior.ways.col(0) + 0.2 * i * prior.ways.col(2);
     const std::vector<std::uint8_t> grey = paint_moved(camera, numbers, static_cast<std::uint64_t>(i));
     const MarkerCorners& followed = following.find(frame_of(camera, grey));
@@ -90,9 +90,9 @@ TEST_CASE("markers: follows them through a fast touch, with the same corners as 
 TEST_CASE("markers: finds one that jumped out of its window in the same frame") {
   const Lens camera = camera_640x480();
   MarkerStage stage(test_mount(), camera);
-  const std::vector<std::uint8_t> at_rest = paint_moved(camera, Numbers::Zero(), 1);
+  const std::vector<std::uint8_t> at_rest = paint_moved(camera, PoseVectord::Zero(), 1);
   REQUIRE(stage.find(frame_of(camera, at_rest)).seen == kAll);
-  Numbers jumped = Numbers::Zero();
+  PoseVectord jumped = PoseVectord::Zero();
   jumped.segment<3>(0) << -6, 0, 20;
   const std::vector<std::uint8_t> after = paint_moved(camera, jumped, 2);
   const MarkerCorners& found = stage.find(frame_of(camera, after));
@@ -139,7 +139,7 @@ TEST_CASE("markers: an id at two places is not seen") {
 TEST_CASE("markers: sees none in unusable frames, and all in the next good one") {
   const Lens camera = camera_640x480();
   MarkerStage stage(test_mount(), camera);
-  const std::vector<std::uint8_t> good = paint_moved(camera, Numbers::Zero(), 1);
+  const std::vector<std::uint8_t> good = paint_moved(camera, PoseVectord::Zero(), 1);
   std::vector<std::uint8_t> black(good.size(), 0), white(good.size(), 255), noise(good.size());
   Random random(4);
   for (std::uint8_t& pixel : noise) pixel = static_cast<std::uint8_t>(random.uniform(0, 256));
@@ -166,7 +166,7 @@ TEST_CASE("markers: sees none in unusable frames, and all in the next good one")
 
 TEST_CASE("markers: rows may be padded") {
   const Lens camera = camera_640x480();
-  const std::vector<std::uint8_t> grey = paint_moved(camera, Numbers::Zero(), 1);
+  const std::vector<std::uint8_t> grey = paint_moved(camera, PoseVectord::Zero(), 1);
   std::vector<std::uint8_t> padded(704 * 480, 255);
   for (std::size_t y = 0; y < 480; ++y) std::copy_n(&grey[y * 640], 640, &padded[y * 704]);
   Frame frame = frame_of(camera, padded);
@@ -174,7 +174,7 @@ TEST_CASE("markers: rows may be padded") {
   MarkerStage stage(test_mount(), camera);
   const MarkerCorners& found = stage.find(frame);
   CHECK(found.seen == kAll);
-  CHECK(mean_error_px(camera, Numbers::Zero(), found) < 0.05);
+  CHECK(mean_error_px(camera, PoseVectord::Zero(), found) < 0.05);
 }
 
 TEST_CASE("markers: refuses an impossible mount or camera") {

@@ -8,14 +8,14 @@
 
 using namespace finsight;
 using namespace finsight::test;
-using Numbers = PlateEstimator::Vector;
 
 namespace {
 
 constexpr double kFocalPx = 490;
 
 /// The camera's view of plates that moved by `numbers`, with corner noise of `noise_px`.
-PlateSight sight_of(const Numbers& numbers, const std::array<bool, kPlates>& seen, double noise_px, Random& random) {
+PlateSight sight_of(const PoseVectord& numbers, const std::array<bool, kPlates>& seen, double noise_px,
+                    Random& random) {
   const MountModel mount = test_mount();
   PlateSight sight;
   sight.seen = seen;
@@ -37,7 +37,7 @@ TEST_CASE("plates: recovers the motion that gave a marker its pose") {
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(1);
   for (int i = 0; i < 50; ++i) {
-    const Numbers numbers = prior.draw(random, 2);
+    const PoseVectord numbers = prior.draw(random, 2);
     for (std::size_t p = 0; p < kPlates; ++p) {
       const PaintedMarker marker = moved_marker(test_mount(), plate_motions(numbers)[p], p);
       const Eigen::Matrix<double, 6, 1> expected = numbers.segment<6>(6 * static_cast<int>(p));
@@ -53,12 +53,12 @@ TEST_CASE("plates: ten steps from far away reach the minimum of the cost, by fin
   for (int i = 0; i < 20; ++i) {
     PlateSight sight = sight_of(prior.draw(random), {true, true, true}, 0.1, random);
     sight.corner_sigma_px = 0.1;
-    Numbers numbers = estimator.prior_mean();
+    PoseVectord numbers = estimator.prior_mean();
     for (int step = 0; step < 10; ++step) estimator.gauss_newton_step(sight, numbers);
     const double least = estimator.cost(sight, numbers);
-    for (int n = 0; n < 18; ++n) {
+    for (int n = 0; n < kPoseDims; ++n) {
       const double h = n % 6 < 3 ? 1e-4 : 1e-5;
-      Numbers up = numbers, down = numbers;
+      PoseVectord up = numbers, down = numbers;
       up[n] += h;
       down[n] -= h;
       const double cost_up = estimator.cost(sight, up), cost_down = estimator.cost(sight, down);
@@ -74,9 +74,9 @@ TEST_CASE("plates: noise-free corners are reproduced for all motions of the prio
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(3);
   for (int i = 0; i < 50; ++i) {
-    const Numbers truth = prior.draw(random);
+    const PoseVectord truth = prior.draw(random);
     const PlateSight sight = sight_of(truth, {true, true, true}, 0, random);
-    Numbers numbers = estimator.prior_mean();
+    PoseVectord numbers = estimator.prior_mean();
     for (int step = 0; step < 6; ++step) estimator.gauss_newton_step(sight, numbers);
     for (std::size_t p = 0; p < kPlates; ++p) CHECK(estimator.reprojection_px(sight, p, numbers) < 0.05);
     CHECK(estimator.cost(sight, numbers) <= estimator.cost(sight, truth) + 1e-9);
@@ -90,7 +90,7 @@ TEST_CASE("plates: estimates the corners' scatter from the residuals") {
   for (const double noise_px : {0.02, 0.05, 0.1, 0.3}) {
     double sum_sq = 0;
     for (int i = 0; i < 200; ++i) {
-      const Numbers truth = prior.draw(random);
+      const PoseVectord truth = prior.draw(random);
       PlateSight sight = sight_of(truth, {true, true, true}, noise_px, random);
       estimator.estimate(sight, truth, 6);
       sum_sq += sight.corner_sigma_px * sight.corner_sigma_px / 200;
@@ -110,11 +110,11 @@ TEST_CASE("plates: the stated noise equals the actual error, also with fewer pla
     for (const std::array<bool, kPlates>& seen : {std::array{true, true, true}, std::array{true, false, true}}) {
       std::array<double, kPlates> error_sq{}, noise_sq{};
       for (int i = 0; i < 300; ++i) {
-        const Numbers truth = prior.draw(random);
+        const PoseVectord truth = prior.draw(random);
         PlateSight sight = sight_of(truth, seen, noise_px, random);
-        const Numbers found = estimator.estimate(sight, truth, 6);
+        const PoseVectord found = estimator.estimate(sight, truth, 6);
         const std::array<float, kPlates> noise = estimator.noise(sight, found);
-        for (int n = 0; n < 18; ++n) {
+        for (int n = 0; n < kPoseDims; ++n) {
           const auto k = static_cast<std::size_t>(n);
           error_sq[k / 6] += std::pow((found[n] - truth[n]) / static_cast<double>(sigma[k]), 2) / 6;
         }
@@ -134,10 +134,10 @@ TEST_CASE("plates: an outlying corner moves its plate little") {
   Random random(8);
   double worst_mm = 0;
   for (int i = 0; i < 50; ++i) {
-    const Numbers truth = prior.draw(random);
+    const PoseVectord truth = prior.draw(random);
     PlateSight sight = sight_of(truth, {true, true, true}, 0.02, random);
     sight.rays[1][2] += Eigen::Vector2d(2, -1) / kFocalPx;
-    const Numbers found = estimator.estimate(sight, truth, 6);
+    const PoseVectord found = estimator.estimate(sight, truth, 6);
     worst_mm = std::max(worst_mm, (found - truth).segment<3>(6).norm());
   }
   CHECK(worst_mm < 0.3);  // least squares: 1.0 mm
@@ -150,7 +150,7 @@ TEST_CASE("plates: unseen ones get their conditional mean given the seen ones") 
   for (unsigned mask = 0; mask < 8; ++mask) {
     const std::array<bool, kPlates> seen{(mask & 1) != 0, (mask & 2) != 0, (mask & 4) != 0};
     const PlateSight sight = sight_of(prior.draw(random), seen, 0.05, random);
-    Numbers numbers = estimator.prior_mean();
+    PoseVectord numbers = estimator.prior_mean();
     for (int step = 0; step < 6; ++step) estimator.gauss_newton_step(sight, numbers);
     PoseVector expected = numbers.cast<float>();
     complete_from_prior(prior.view(), seen, expected);
@@ -162,8 +162,8 @@ TEST_CASE("plates: behind the camera the cost is infinite, and the estimate stay
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
   Random random(5);
-  const PlateSight sight = sight_of(Numbers::Zero(), {true, true, true}, 0, random);
-  Numbers numbers = Numbers::Zero();
+  const PlateSight sight = sight_of(PoseVectord::Zero(), {true, true, true}, 0, random);
+  PoseVectord numbers = PoseVectord::Zero();
   numbers[1] = -200;
   CHECK(std::isinf(estimator.cost(sight, numbers)));
   CHECK(std::isinf(estimator.reprojection_px(sight, 0, numbers)));
@@ -181,7 +181,7 @@ TEST_CASE("plates: refuses a prior that is not a Gaussian") {
     CHECK_THROWS_AS(PlateEstimator(test_mount(), PlatePrior{m, c, good.view().noise}, kFocalPx), InputError);
   };
   refused({}, {});
-  refused(mean, std::vector<float>(18, 1));
+  refused(mean, std::vector<float>(kPoseDims, 1));
   std::vector<float> wrong = covariance;
   wrong[19] = -1;
   refused(mean, wrong);

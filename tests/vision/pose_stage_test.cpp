@@ -63,7 +63,7 @@ TEST_CASE("poses: recovers the motion from exact corners, at rest and far bent")
     PoseStage published(mount, prior.view(), camera, PoseMethod::kPublished);
     Random random(1);
     for (int i = 0; i < 30; ++i) {
-      const Numbers numbers = i == 0 ? Numbers(Numbers::Zero()) : prior.draw(random);
+      const PoseVectord numbers = i == 0 ? PoseVectord(PoseVectord::Zero()) : prior.draw(random);
       const std::array<PlateMotion, kPlates> truth = plate_motions(numbers);
       const MarkerCorners corners = corners_of(mount, camera, truth);
       const PlatePoses& found = joint.estimate(corners);
@@ -146,7 +146,7 @@ TEST_CASE("poses: finds the most probable combination of mirror poses") {
   const PlateEstimator estimator(mount, prior.view(), camera.fx);
   Random random(9);
   for (int i = 0; i < 300; ++i) {
-    const Numbers truth = prior.draw(random);
+    const PoseVectord truth = prior.draw(random);
     MarkerCorners corners = noisy(corners_of(mount, camera, plate_motions(truth)), 0.15, random);
     const unsigned mask = 1U + static_cast<unsigned>(i) % 7U;
     corners.seen = {(mask & 1) != 0, (mask & 2) != 0, (mask & 4) != 0};
@@ -157,9 +157,9 @@ TEST_CASE("poses: finds the most probable combination of mirror poses") {
         sight.rays[p][k] = ray_from_pixel(camera, corners.corners_px[p][k].cast<double>());
       }
     }
-    const Numbers found = pose_vector(stage.estimate(corners)).cast<double>();
+    const PoseVectord found = pose_vector(stage.estimate(corners)).cast<double>();
     sight.corner_sigma_px = estimator.corner_sigma_px(sight, found);
-    Numbers from_truth = truth;
+    PoseVectord from_truth = truth;
     for (int step = 0; step < 8; ++step) estimator.gauss_newton_step(sight, from_truth);
     CHECK(estimator.cost(sight, found) <
           estimator.cost(sight, from_truth) + 0.1);  // what further steps would still gain
@@ -287,8 +287,8 @@ TEST_CASE("poses: far from the prior the corners decide") {
   Random random(8);
   for (int i = 0; i < 20; ++i) {
     // Ten times the prior's scatter: 1 mm and 3 degrees.
-    Numbers numbers = prior.draw(random);
-    for (int n = 0; n < 18; ++n) numbers[n] += 10 * prior.scatter[n] * random.normal();
+    PoseVectord numbers = prior.draw(random);
+    for (int n = 0; n < kPoseDims; ++n) numbers[n] += 10 * prior.scatter[n] * random.normal();
     const std::array<PlateMotion, kPlates> truth = plate_motions(numbers);
     const PlatePoses& found = stage.estimate(corners_of(mount, camera, truth));
     CHECK(found.seen == kAll);

@@ -11,7 +11,7 @@
 
 namespace finsight::test {
 
-using Numbers = Eigen::Matrix<double, 18, 1>;
+using PoseVectord = PoseVectorOf<double>;
 
 inline Lens camera_1280x720() { return {1280, 720, 736.05, 735.90, 615.63, 365.71, -0.3956, 0.2259, 0, 0, -0.0912}; }
 inline Lens camera_640x480() { return {640, 480, 490.70, 490.60, 303.59, 243.64, -0.3956, 0.2259, 0, 0, -0.0912}; }
@@ -48,30 +48,30 @@ struct TestPrior {
           0.08F * static_cast<float>(y), 0, 0;
       scatter.segment<6>(6 * p) << 0.1, 0.1, 0.1, 0.005, 0.005, 0.005;
     }
-    Eigen::Matrix<double, 18, 18> covariance = ways * ways.transpose();
+    Eigen::Matrix<double, kPoseDims, kPoseDims> covariance = ways * ways.transpose();
     covariance.diagonal() += scatter.cwiseAbs2();
     covariance_ = covariance.cast<float>();
   }
-  PlatePrior view() const { return {{mean_.data(), 18}, {covariance_.data(), 18 * 18}, noise_}; }
+  PlatePrior view() const { return {{mean_.data(), kPoseDims}, {covariance_.data(), kPoseDims * kPoseDims}, noise_}; }
 
   /// A motion drawn from the prior, with or without the scatter. Without it, `size` 0 gives the mean.
-  Numbers draw(Random& random, double size = 1) const {
-    Numbers numbers = mean_.cast<double>();
+  PoseVectord draw(Random& random, double size = 1) const {
+    PoseVectord numbers = mean_.cast<double>();
     for (int way = 0; way < 4; ++way) numbers += size * random.normal() * ways.col(way);
-    for (int i = 0; i < 18; ++i) numbers[i] += size * random.normal() * scatter[i];
+    for (int i = 0; i < kPoseDims; ++i) numbers[i] += size * random.normal() * scatter[i];
     return numbers;
   }
 
-  Eigen::Matrix<double, 18, 4> ways;
-  Numbers scatter;
+  Eigen::Matrix<double, kPoseDims, 4> ways;
+  PoseVectord scatter;
 
  private:
-  const std::vector<float> noise_ = std::vector<float>(18, 0.01f);
-  Eigen::Matrix<float, 18, 1> mean_;
-  Eigen::Matrix<float, 18, 18> covariance_;
+  const std::vector<float> noise_ = std::vector<float>(kPoseDims, 0.01f);
+  PoseVector mean_;
+  Eigen::Matrix<float, kPoseDims, kPoseDims> covariance_;
 };
 
-inline std::array<PlateMotion, kPlates> plate_motions(const Numbers& numbers) {
+inline std::array<PlateMotion, kPlates> plate_motions(const PoseVectord& numbers) {
   std::array<PlateMotion, kPlates> plates;
   for (std::size_t p = 0; p < kPlates; ++p) {
     plates[p].displacement_mm = numbers.segment<3>(6 * static_cast<int>(p)).cast<float>();

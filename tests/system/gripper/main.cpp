@@ -42,7 +42,7 @@ class Device {
 
   void frame(PoseVector numbers, Random& random) {
     add_noise(noise_, random, numbers);
-    const PlatePoses poses = seen_poses({numbers.data(), 18});
+    const PlatePoses poses = seen_poses({numbers.data(), kPoseDims});
     commands_.poll();
     server_.publish(loop_.step(Observation{.exposure_ns = steady_now_ns(), .sequence = ++sequence_, .poses = poses}));
   }
