@@ -41,10 +41,10 @@ struct Projection {
   Eigen::Vector2d pixel;
   Eigen::Matrix2d slope;  ///< d pixel / d ray
 };
-/// `ray` is (X / Z, Y / Z) of a point in the camera frame. Beyond turning_radius_sq() the pixel is a false one.
+/// `ray` is (X / Z, Y / Z) of a point in the camera frame. Meaningless beyond turning_radius_sq().
 Projection project_ray(const Lens& lens, const Eigen::Vector2d& ray);
 
-/// Direction of sight -> pixel; false beyond turning_radius_sq(), too.
+/// Direction of sight -> pixel; meaningless beyond turning_radius_sq(), too.
 Eigen::Vector2d pixel_from_ray(const Lens& lens, const Eigen::Vector2d& ray);
 
 /// Pixel -> direction of sight, to `tolerance_px`. Not-a-number where the lens model folds over and has no inverse,

@@ -1,5 +1,5 @@
-// Whether the camera still sits where it did: if it was knocked, all plates seem to have moved as
-// one rigid body, which no touch can do.
+// Whether the camera still sits where it did: if it was knocked, all plates seem to have moved as one rigid body,
+// which no touch can cause.
 #pragma once
 
 #include <array>

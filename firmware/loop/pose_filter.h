@@ -7,14 +7,14 @@
 
 namespace finsight {
 
-/// First-order low-pass: a steady move comes out `delay_ms` late, white noise with its variance times dt / (2
-/// delay_ms).
+/// First-order low-pass: a steady move comes out `delay_ms` late, and the variance of white noise is multiplied by
+/// dt / (2 delay_ms).
 class PoseFilter {
  public:
   /// 0: poses pass unchanged.
   explicit PoseFilter(double delay_ms) : delay_ns_(delay_ms * 1e6) {}
-  /// Only fresh poses take part. The filter starts over after a gap and when plates disappear or
-  /// reappear.
+  /// Only fresh poses take part. The filter starts over after a gap and when plates disappear
+  /// or reappear.
   void apply(PlatePoses& poses, std::int64_t exposure_ns);
   /// Forgets what was measured from another zero.
   void reset() { last_.quality = Quality::kInvalid; }

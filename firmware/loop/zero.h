@@ -14,7 +14,7 @@ namespace finsight {
 class Zeroing {
  public:
   static constexpr int kFrames = 60;  ///< averaged: noise falls to an eighth
-  /// After so many frames a zero is given up, if the plates were not all seen often enough.
+  /// A zero is given up after this many frames if the plates were not all seen often enough.
   static constexpr int kMaxFrames = 240;
   static constexpr float kMaxRotation_rad = 0.15F;  ///< no finger sits in its holder more askew than this
   static constexpr float kMaxMotion_mm = 0.3F;      ///< of a plate meanwhile: five times the noise

@@ -21,8 +21,8 @@ class TouchStage {
   /// The touch that these poses tell of, fresh or invalid; `motion` is pose_vector(poses). Never throws, never
   /// allocates. Invalid below the model's threshold of plate motion, beyond its range (then `over_range` says so),
   /// without any seen plate, for poses that are invalid or not finite, and where the network's answer is not a touch: a
-  /// point further beside the face than two radii, or a radius as large as the touches that were learnt lie apart
-  /// (their standard deviation). Plates that are not seen must have been completed.
+  /// point further off the face than two radii, or a radius as large as the standard deviation of the touches in the
+  /// training set. Plates that are not seen must have been completed.
   ///
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
   /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face;

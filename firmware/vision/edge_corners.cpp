@@ -14,7 +14,7 @@ constexpr int kRounds = 4;
 constexpr std::size_t kProfiles = 16, kMinProfiles = kProfiles / 2;
 constexpr double kFirst = 0.10, kLast = 0.90;
 constexpr float kStepPx = 0.5F;  // between the samples of a profile
-// A profile reaches so many modules to either side, for the border and the margin are one module wide, but no further
+// A profile reaches this many modules to either side, as the border and the margin are one module wide, but no further
 // than kReachPx, which contains the blur and any error of the coarse corners.
 constexpr float kModules = 6;  // along a side of the marker
 constexpr float kReach = 0.55F, kReachPx = 6;

@@ -51,7 +51,7 @@ class BoardFinder {
   explicit BoardFinder(const CharucoBoard& board);
   /// Finds the inner corners for which both adjacent markers predict the same place, refined to a tenth of a pixel.
   ///
-  /// OpenCV has such a finder, too. In Debian 12's version (4.6) its corners lie (0.48, 0.48) pixels beside the truth,
+  /// OpenCV has such a finder too. In Debian 12's version (4.6) its corners are off by (0.48, 0.48) pixels,
   /// which would shift the principal point by half a pixel; without that shift they scatter by 0.11 pixels RMS instead
   /// of 0.08, and in blurred images (sigma 1.5 pixels) it finds 537 corners instead of 725 in 23 views. See the test
   /// that compares both.

@@ -23,7 +23,7 @@ GreyImage read_png(const std::filesystem::path& file);
 GreyImage read_pgm(const std::filesystem::path& file);
 inline constexpr int kLargestSide_px = 8192;
 
-/// A PNG file's bytes; printed at its own size it has so many pixels per metre. Throws std::runtime_error.
+/// A PNG file's bytes, with its resolution for printing in pixels per metre. Throws std::runtime_error.
 std::string png_bytes(const GreyImage& image, std::uint32_t pixels_per_metre);
 /// The same in colour; rgb: [height, width, 3].
 std::string colour_png_bytes(int width_px, int height_px, std::span<const std::uint8_t> rgb);

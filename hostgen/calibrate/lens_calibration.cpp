@@ -13,7 +13,7 @@ namespace finsight::host {
 
 namespace {
 
-// Of the median corner's distance from the model, or view's; and never below so many pixels.
+// A corner or view is an outlier when its distance from the model exceeds this many times the median, and kOutlierPx.
 constexpr double kCornerTimes = 5, kViewTimes = 3, kOutlierPx = 0.25;
 constexpr double kOutlierShare = 0.2;         // of a view's corners: with more of them the view itself is the outlier
 constexpr double kFarthestShare = 1 / 640.0;  // of the image's width, RMS: what no single lens explains

@@ -17,7 +17,7 @@ void add_audit_command(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("audit", "say what is wrong with recorded touches before anyone trains on them");
   command->add_option("csv", options->csv, "recordings (import-recordings writes them)")->required();
-  command->add_option("-o,--output", options->image, "image to write (.svg); NAME-audit.svg here when not given");
+  command->add_option("-o,--output", options->image, "image to write (.svg); default: NAME-audit.svg in this folder");
   command->callback([options] {
     if (options->image.empty()) options->image = options->csv.stem().string() + "-audit.svg";
     check_writable(options->image, {options->csv});

@@ -97,7 +97,7 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
   std::vector<std::uint16_t> registers(cases * kMeasurementRegisters), contact_registers(registers.size());
   views.self_test = {static_cast<int>(cases), poses, shape_mm, touch, registers, contact_shape_mm, contact_registers};
 
-  // The answers need an opened model: a draft without them serves for that.
+  // The answers need an opened model, so a draft without them is written first.
   const std::filesystem::path draft = options.output.string() + ".draft" + std::to_string(getpid());
   write_model_pack(draft, views);
   {
@@ -122,7 +122,7 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
 }
 
 /// The finite-element states: from a file, or computed. An interrupted run keeps finished paths beside the pack and
-/// goes on there.
+/// continues from them.
 FemDataset truth(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile, const Options& options) {
   if (!options.dataset.empty()) {
     FemDataset dataset = read_dataset(options.dataset);
@@ -147,7 +147,7 @@ void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
   if (states < ShapeMapModel::kFeatures) {
     std::printf(
         "warning: contact map: %zu states are fewer than the %d features of its regression; tier \"contact\" may be "
-        "worse than \"map\" where none is near. More --points help\n",
+        "worse than \"map\" where no state is near. More --points help\n",
         states, ShapeMapModel::kFeatures);
   }
 }
@@ -206,12 +206,12 @@ void add_build_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand("build", "make the model pack of a finger");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command->add_option("-o,--output", options->output, "model pack to write (.safetensors)")->required();
-  command->add_option("--profile", options->profile, "quick: some minutes; full: the paper's 570 points x 21 forces")
+  command->add_option("--profile", options->profile, "quick: a few minutes; full: the paper's 570 points x 21 forces")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();
   command->add_option("--dataset", options->dataset,
-                      "states made before by hostgen dataset or merge, instead of the profile's; without it they are "
-                      "computed, and an interrupted run goes on from OUTPUT.paths");
+                      "states made earlier by hostgen dataset or merge, instead of the profile's; without it they are "
+                      "computed, and an interrupted run continues from OUTPUT.paths");
   command->add_option("--save-dataset", options->save_dataset, "keep the states in this file (.safetensors)");
   command->add_option("--points", options->points, "touched points, instead of the profile's")
       ->check(CLI::Range(10, 5000));

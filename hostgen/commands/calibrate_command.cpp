@@ -79,7 +79,7 @@ void add_calibrate_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "calibrate",
       "find the camera's lens from images of a calibration board (.png, .pgm, .y4m), and say what is missing: ten or "
-      "more views of the whole image, tilted to all sides");
+      "more views that together cover the image, tilted in all directions");
   command->add_option("folder", options->folder, "images, all of the size that finsightd will use; a session too");
   command->add_option("-o,--output", options->output, "file to write (TOML), for the key lens in a board file");
   command->add_option("--plot", options->plot, "draw corners and their distance from the model (SVG; needs gnuplot)");
@@ -89,7 +89,7 @@ void add_calibrate_command(CLI::App& app) {
   command->add_option("--square-mm", options->square_mm, "side of a printed square; the calibration does not need it")
       ->check(CLI::Range(1.0, 500.0))
       ->capture_default_str();
-  command->add_option("--every", options->every, "look at one frame of so many in .y4m files")
+  command->add_option("--every", options->every, "use every Nth frame of .y4m files")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   command->callback([options] { run(*options); });

@@ -63,8 +63,8 @@ void add_dataset_command(CLI::App& app) {
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command
       ->add_option("-o,--output", options->output,
-                   "file to write (.safetensors); an interrupted run keeps finished paths in OUTPUT.paths and goes on "
-                   "there when it is started again")
+                   "file to write (.safetensors); an interrupted run keeps finished paths in OUTPUT.paths and "
+                   "continues from them when it is started again")
       ->required();
   command->add_option("--points", options->plan.points, "touched points")
       ->check(CLI::Range(1, 5000))

@@ -64,10 +64,10 @@ void add_identify_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "identify",
       "fit the spec's wall thicknesses, base ring and Young's modulus to recorded pushes, and say which of "
-      "them the recordings tell");
+      "them the recordings determine");
   command->add_option("csv", options->csv, "recordings (import-recordings writes them)")->required();
   command->add_option("spec", options->spec, "finger spec (TOML) to start from; it is not changed")->required();
-  command->add_option("--points", options->points, "use at most so many contact points, two pushes each")
+  command->add_option("--points", options->points, "use at most this many contact points, two pushes each")
       ->check(CLI::Range(3, 1000))
       ->capture_default_str();
   command->add_option("--iterations", options->iterations, "of the fit")

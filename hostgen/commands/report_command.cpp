@@ -33,7 +33,7 @@ nlohmann::json read_figures(const std::filesystem::path& file) {
 
 nlohmann::json measure(const std::string& area, const Options& options, const Model& model) {
   if (area == "solver") {
-    nlohmann::json bench = {{"solver", {{"why", "no file of the program bench was given"}}}};
+    nlohmann::json bench = {{"solver", {{"why", "no figures of the program bench were given"}}}};
     if (!options.bench.empty()) bench = read_figures(options.bench);
     nlohmann::json figures = measure_solver(model, bench, options.folder, options.quick);
     figures["hard_cases"] = measure_hard_cases(model, options.quick);
@@ -42,7 +42,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
   if (area == "modbus") {
     nlohmann::json figures = measure_modbus(options.quick);
     nlohmann::json& soak = figures["modbus"]["soak"];
-    soak = {{"why", "no file of scripts/lib/soak.py was given"}};
+    soak = {{"why", "no figures of scripts/lib/soak.py were given"}};
     if (!options.soak.empty()) soak = read_figures(options.soak);
     nlohmann::json attacks = {{"attack", {{"why", "no file of scripts/lib/attack.py was given"}}}};
     if (!options.attacks.empty()) attacks = read_figures(options.attacks);
@@ -90,7 +90,7 @@ void add_report_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand("report", "measure speed against error; scripts/report prepares and calls it");
   command->add_option("areas", options->areas, "what to measure; all when none is named")
       ->check(CLI::IsMember(report_areas()));
-  command->add_option("--spec", options->spec, "finger spec that the pack was made of")->required();
+  command->add_option("--spec", options->spec, "finger spec that the pack was made from")->required();
   command->add_option("--pack", options->pack, "model pack")->required();
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
   command->add_option("--soak", options->soak, "figures of scripts/lib/soak.py, for area modbus");

@@ -44,7 +44,7 @@ void add_train_command(CLI::App& app) {
       "train",
       "train touch networks on real recordings; the paper's random split and a split by contact point, side by side");
   command->add_option("--recordings", options->recordings, "CSV of recorded touches")->required();
-  command->add_option("--pack", options->pack, "compare its network, as simulated and trained further");
+  command->add_option("--pack", options->pack, "also compare this pack's network, as it is and trained further");
   command->add_option("--steps", options->plan.steps, "Adam steps of each training")
       ->check(CLI::Range(100, 1000000))
       ->capture_default_str();

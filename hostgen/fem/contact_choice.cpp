@@ -105,7 +105,7 @@ MatrixXd derivatives(const PushResponse& response, const ContactChoice& choice) 
   return M;
 }
 
-/// What is not known at all (beside the face) counts as known to 30 mm.
+/// Where nothing is known (off the face), a standard deviation of 30 mm is assumed.
 constexpr double kMin = 1.0 / (30 * 30);
 
 /// Inverse of the contacts' information.

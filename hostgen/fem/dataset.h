@@ -57,8 +57,8 @@ struct Shard {
 
 /// Walks the load paths of a shard on all cores, with progress. Deterministic whatever the number of cores or shards.
 /// Every finished path is kept as a file in the folder `resume` (made if needed; empty name: nothing is kept), and
-/// taken from there when it is asked for again: an interrupted run goes on where it was. Files of another spec, mesh or
-/// plan are refused with an InputError.
+/// taken from there when it is asked for again: an interrupted run resumes where it stopped. Files of another spec,
+/// mesh or plan are refused with an InputError.
 FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan, const Shard& shard = {},
                         const std::filesystem::path& resume = {});
 

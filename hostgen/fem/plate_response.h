@@ -11,7 +11,7 @@
 namespace finsight::host {
 
 /// The tangent K of a state and W = K^-1 A^T, the derivative of the plates' errors y = A u - b by nodal forces. K is
-/// factored in single precision. A finger is so soft in its bending beside the stiffness of its plates that this alone
+/// factored in single precision. A finger is so soft in bending, compared with its plates, that this alone
 /// leaves its softest motions wrong by a tenth; products with K in double precision put that right. Not thread-safe.
 class PlateResponse {
  public:

@@ -53,7 +53,7 @@ struct FacePoint {
   Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();
   Eigen::Vector3d inward = Eigen::Vector3d::Zero();  ///< unit normal of the undeformed face into the finger
 };
-/// The point of the face above (x, y); beside the face, the nearest point of its edge.
+/// The point of the face above (x, y); off the face, the nearest point of its edge.
 FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm);
 
 }  // namespace finsight::host

@@ -26,7 +26,7 @@ class FingerStatics {
   void reset();
   /// Equilibrium under `force_n` along the inward normal of the undeformed front face, applied at `point_mm` of the
   /// undeformed front face (shared among the nodes of the triangle that holds it; z is ignored and taken from the face;
-  /// a point beside the face stands for the nearest of its edge). Starts from the present state; splits the step where
+  /// a point off the face stands for the nearest of its edge). Starts from the present state; splits the step where
   /// Newton needs it. False if no equilibrium was found that the present one leads to without a jump (the finger
   /// buckles or snaps through, or gives way without end): the state is then the one before the call.
   bool load(const Vec3f& point_mm, double force_n);

@@ -61,8 +61,7 @@ void Check::triangles() const {
     refuse(flat.size(), "triangle without area", "triangles without area", triangle_text(flat[0]),
            "none (merge or remove them)");
   if (!twice.empty()) {
-    refuse(twice.size(), "triangle that is there twice", "triangles that are there twice", triangle_text(twice[0]),
-           "every triangle once");
+    refuse(twice.size(), "duplicate triangle", "duplicate triangles", triangle_text(twice[0]), "every triangle once");
   }
 }
 
@@ -91,7 +90,7 @@ Edges Check::edges() const {
   return edges;
 }
 
-/// Pieces in which triangles hang together over edges, and which triangles face the other way than a piece's first.
+/// Edge-connected pieces, and which triangles face the opposite way to the first of their piece.
 struct Pieces {
   std::vector<int> piece;    // per triangle
   std::vector<bool> turned;  // per triangle
@@ -127,7 +126,7 @@ void Check::orientation(const Edges& edges) const {
   if (consistent) return;
   const Pieces pieces = find_pieces(surface, edges);
   std::vector<std::size_t> flipped;
-  for (int piece = 0; piece < pieces.count; ++piece) {  // in each, those that are fewer
+  for (int piece = 0; piece < pieces.count; ++piece) {  // in each piece, the minority
     std::vector<std::size_t> sides[2];
     for (std::size_t t = 0; t < surface.triangle.size(); ++t) {
       if (pieces.piece[t] == piece) sides[pieces.turned[t]].push_back(t);
@@ -135,7 +134,7 @@ void Check::orientation(const Edges& edges) const {
     const auto& fewer = sides[sides[1].size() <= sides[0].size()];
     flipped.insert(flipped.end(), fewer.begin(), fewer.end());
   }
-  if (flipped.empty()) throw InputError(file, "surface", "a surface with one side only", "one with inside and outside");
+  if (flipped.empty()) throw InputError(file, "surface", "a one-sided surface", "one with an inside and an outside");
   refuse(flipped.size(), "flipped triangle", "flipped triangles",
          triangle_text(*std::min_element(flipped.begin(), flipped.end())),
          "all facing outward, as their neighbours do");
@@ -156,9 +155,8 @@ void Check::points() const {
     if (steps != next[point].size()) pinched.push_back(point);
   }
   if (!pinched.empty()) {
-    refuse(pinched.size(), "point where parts touch with nothing but their tips",
-           "points where parts touch with nothing but their tips", "at " + place_text(surface.point_mm[pinched[0]]),
-           "parts that touch in faces");
+    refuse(pinched.size(), "point where parts touch only at their tips", "points where parts touch only at their tips",
+           "at " + place_text(surface.point_mm[pinched[0]]), "parts that touch in faces");
   }
 }
 
@@ -168,7 +166,7 @@ void Check::intersections() const {
   const auto corner = [&](int i) { return surface.point_mm[crossed[0][i]]; };
   refuse(crossed.size(), "triangle that another cuts", "triangles that others cut",
          "around " + place_text((corner(0) + corner(1) + corner(2)) / 3),
-         "a surface that nowhere passes through itself");
+         "a surface that does not pass through itself");
 }
 
 /// One piece is the solid; those that face the other way are hollows in it.

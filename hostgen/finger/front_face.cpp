@@ -52,7 +52,7 @@ std::vector<std::size_t> front_patch(std::span<const Vector3d> points, std::span
     std::vector<std::size_t> patch = {first};
     candidate[first] = false;
     double sum = 0;
-    for (std::size_t i = 0; i < patch.size(); ++i) {  // grows while it is walked
+    for (std::size_t i = 0; i < patch.size(); ++i) {  // grows during the loop
       const auto& [a, b, c] = triangles[patch[i]];
       sum += area[patch[i]];
       for (const auto& [from, to] : {std::minmax(a, b), std::minmax(b, c), std::minmax(c, a)}) {

@@ -1,4 +1,4 @@
-// The touched face as triangles: which of a surface's they are, and the point of it above (x, y).
+// The touched face: which triangles of a surface belong to it, and the point on it above (x, y).
 #pragma once
 
 #include <Eigen/Geometry>
@@ -9,11 +9,11 @@
 
 namespace finsight::host {
 
-/// A triangle looks to the front if its outward normal is within 60 degrees of -z.
+/// A triangle faces the front if its outward normal is within 60 degrees of -z.
 bool faces_front(const Eigen::Vector3d& outward);
 
-/// Of the triangles that lie in the box and look to the front, those that hang together over edges with the largest
-/// area seen along z: their indices, ascending. Empty if there are none.
+/// Among the triangles in the box that face the front, the edge-connected group with the largest area seen along z:
+/// ascending indices, empty if there are none.
 std::vector<std::size_t> front_patch(std::span<const Eigen::Vector3d> points,
                                      std::span<const std::array<int, 3>> triangles, const Eigen::AlignedBox3d& box);
 

@@ -12,7 +12,7 @@ namespace finsight::host {
 
 namespace {
 
-// Parts closer than this make TetGen fill the gap with needles or abort.
+// Where parts are closer than this, TetGen fills the gap with slivers or aborts.
 constexpr double kSmallestGapMm = 0.5;
 
 Taper plus(Taper a, double offset_mm) { return {a.at_base_mm + offset_mm, a.slope}; }

@@ -19,7 +19,7 @@ inline constexpr int kFirstPlate = 2;
 struct FingerGrid {
   std::array<std::vector<Taper>, 3> lines;  ///< planes of each axis, ascending; y's have slope 0
   std::vector<int> labels;                  ///< of cell (i, j, k), x fastest
-  std::array<int, kPlates> plate_level;     ///< index of the cells' level in y that holds the plate; beam: one above
+  std::array<int, kPlates> plate_level;     ///< layer of cells in y that holds the plate; its beam is the next one up
 
   int cells(int axis) const { return static_cast<int>(lines[axis].size()) - 1; }
   /// Air outside the grid.
@@ -36,15 +36,15 @@ struct FingerGrid {
   std::size_t index(std::array<int, 3> cell) const;
 };
 
-/// Inner half width and inner depth's ends at height y: where a plate's fractions are measured.
+/// Inner half width, and both ends of the inner depth, at height y: what a plate's fractions refer to.
 double inner_half_width_mm(const FingerSpec& spec, double y_mm);
 double inner_front_mm(const FingerSpec& spec, double y_mm);
 double inner_back_mm(const FingerSpec& spec, double y_mm);
 /// Height of a plate's lower face.
 double plate_bottom_mm(const FingerSpec& spec, int plate);
 
-/// Sets where the plates' markers are at rest: read_finger_spec() has done it; again after a length was changed. Plates
-/// lie level: marker x = finger x, y = finger z, z = finger -y (down, towards the camera).
+/// Sets where the plates' markers are at rest. read_finger_spec() does it; call it again after changing a length.
+/// Plates lie level: marker x = finger x, y = finger z, z = finger -y (down, towards the camera).
 void place_markers(FingerSpec& spec);
 
 /// Expects a spec that check_shape() has accepted.

@@ -151,8 +151,8 @@ double min_dihedral_deg(const TetMesh& mesh) {
   return std::acos(std::min(1.0, largest_cosine)) * 180 / std::numbers::pi;
 }
 
-/// What a region of TetGen's is, by the middle of its largest tet: a region is cut off by the plates' boxes, so any of
-/// its points would do. Nothing if it is a closed hollow.
+/// What one of TetGen's regions is, by the centre of its largest tet: a region is cut off by the plates' boxes, so any
+/// of its points would do. Nothing if it is a closed hollow.
 std::optional<int> region_at(const SurfaceFinger& finger, const Eigen::Vector3d& middle) {
   for (int plate = 0; plate < kPlates; ++plate) {
     if (finger.source.plates[plate].box_mm.contains(middle)) return kFirstPlateRegion + plate;
@@ -229,8 +229,8 @@ std::vector<Vec3f> touch_points(const FingerSpec& spec, int count) {
   const auto half_width = [&](double y) { return spec.half_width.at(y) - spec.touch_edge_mm; };
   const double lowest = spec.touch_y_mm[0], highest = spec.touch_y_mm[1];
   const double height = highest - lowest;
-  // Rows as far apart as the points of a row, then each row gets its share by its width: the first `before + width`
-  // part of the sum of widths has the same part of the points.
+  // Rows are as far apart as the points within a row, and each gets points in proportion to its width. The running
+  // total is what is rounded, so that the counts add up.
   const double mean_width = half_width(lowest) + half_width(highest);
   const int rows = std::clamp(static_cast<int>(std::lround(std::sqrt(count * height / mean_width))), 1, count);
   const auto row_y = [&](int row) { return rows == 1 ? lowest + height / 2 : lowest + height * row / (rows - 1); };

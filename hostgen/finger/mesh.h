@@ -39,7 +39,7 @@ std::vector<Vec3f> touch_points(const FingerSpec& spec, int count);
 
 /// Checks that both images show all markers whole, each with its white border of one module: projects plates, beams
 /// and walls for the rest pose and for the corners of the working range of plate motions. Throws InputError naming the
-/// plate and what hides it. read_finger_spec() has done it.
+/// plate and what hides it. read_finger_spec() does it.
 void check_visibility(const FingerSpec& spec);
 
 /// A force drawn as a line that ends at a point of the undeformed face, and moves with it.
@@ -52,7 +52,7 @@ inline constexpr double kArrowMmPerNewton = 5;
 
 /// Writes a .vtu (ASCII XML) that ParaView opens: cell array "region", point arrays "front" and "base" (0 or 1),
 /// "plate" (0 none, else the plate's region), and "displacement_mm" if given ([3 * nodes]). Arrows are line cells of
-/// region -1 behind the tets; then there is a point array "force_n", zero but at their heads.
+/// region -1 after the tets; then there is a point array "force_n", zero but at their heads.
 void write_vtu(const std::filesystem::path& file, const TetMesh& mesh,
                const std::vector<double>* displacement_mm = nullptr, const std::vector<ForceArrow>& arrows = {});
 

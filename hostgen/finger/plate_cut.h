@@ -1,4 +1,5 @@
-// Takes a rigid plate off a finger's surface: the plate hangs free in a box but for one face, where it is joined.
+// Cuts a rigid plate off a finger's surface: within its box the plate is free except at one face of the box, where it
+// is joined.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -9,13 +10,13 @@
 
 namespace finsight::host {
 
-/// All of the finger that lies in the box is the plate.
+/// Everything of the finger inside the box is the plate.
 struct PlateBox {
   Eigen::AlignedBox3d box_mm;
   int axis = 1, side = 1;  ///< the box's face at which the plate is joined to the finger: 0 1 2 for x y z, -1 or 1
 };
 
-/// Points nearer than this to a plane of a box are moved onto it: so near, rounding put them beside it.
+/// Points nearer than this to a plane of a box are moved onto it: only rounding kept them off it.
 inline constexpr double kSnapMm = 1e-3;
 void snap_to_box(TriangleSurface& surface, const Eigen::AlignedBox3d& box_mm);
 
@@ -26,7 +27,7 @@ Facet cut_at_joined_face(TriangleSurface& surface, const PlateBox& plate, const 
                          const std::string& field);
 
 /// The triangles of the plate's surface, ascending. Throws InputError if the surface passes through another face of the
-/// box, or nothing is in it.
+/// box, or the box is empty.
 std::vector<std::size_t> plate_triangles(const TriangleSurface& surface, const PlateBox& plate, const std::string& file,
                                          const std::string& field);
 

@@ -11,7 +11,7 @@ std::array<double, 2> carried_y_mm(const FingerSpec& spec, int plate);
 /// Half the size of the plate's lower face along x and z, with the marker in its middle.
 Eigen::Vector2d plate_half_size_mm(const FingerSpec& spec, int plate);
 
-/// The point of the undeformed touched face above (x, y); beside the face, that of its plane or of its nearest edge.
+/// The point of the undeformed touched face above (x, y); off the face, that of its plane or of its nearest edge.
 Eigen::Vector3d front_point_mm(const FingerSpec& spec, double x_mm, double y_mm);
 
 }  // namespace finsight::host

@@ -193,7 +193,7 @@ void read_camera(TomlTable table, FingerSpec& spec) {
   const Eigen::Vector3d look = vector3(table, "look", 1e6);
   const Eigen::Vector3d across = Eigen::Vector3d::UnitX() * look.squaredNorm() - look * look.x();
   if (look.norm() < 1e-6 || across.norm() < 1e-3 * look.squaredNorm()) {
-    throw InputError(table.where("look"), "camera.look", "no direction or finger x",
+    throw InputError(table.where("look"), "camera.look", "no direction, or finger x",
                      "a direction that is not along finger x");
   }
   Eigen::Matrix3d axes;  // camera x stays as near to finger x as the line of sight allows
@@ -276,7 +276,7 @@ void check_markers_on_plates(const FingerSpec& spec) {
       });
       if (on_plate) continue;
       throw InputError(spec.file.string(), std::string("plates.") + kPlateNames[index] + ".marker_mm",
-                       "the plate's level lower side not at " + place_text(at),
+                       "no level underside of the plate at " + place_text(at),
                        "room for the marker and its white border around it");
     }
   }

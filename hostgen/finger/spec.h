@@ -50,7 +50,8 @@ struct PoseNoise {
   double tilt_rad = 0;    ///< rotation out of the image plane
   double roll_rad = 0;    ///< rotation in the image plane
 
-  static constexpr double kMin = 1e-6;  ///< mm or rad: what smaller ones count as where something is divided by them
+  static constexpr double kMin =
+      1e-6;  ///< mm or rad: smaller ones are raised to this before anything is divided by them
 
   /// In the order of the plate numbers: displacement x y z, rotation x y z. The camera looks along the finger's y axis:
   /// y is depth, x and z are lateral, rotations about x and z are tilt, about y roll.
@@ -60,7 +61,7 @@ struct PoseNoise {
 };
 
 struct FingerSpec {
-  std::filesystem::path file, surface_file;  ///< that it was read from; no surface file for a parametric finger
+  std::filesystem::path file, surface_file;  ///< it was read from these; a parametric finger has no surface file
   std::string name;
   std::string sha256;  ///< of the spec file's bytes, and of the surface file's after them
 
@@ -78,7 +79,7 @@ struct FingerSpec {
 
   // Material (paper, section 2.1)
   double youngs_modulus_mpa = 0, poisson_ratio = 0;
-  double plate_stiffness_ratio = 0;  ///< how many times stiffer than the finger the rigid plates are modelled
+  double plate_stiffness_ratio = 0;  ///< the rigid plates are modelled this many times stiffer than the finger
 
   // Camera (OpenCV's frame: x right, y down in the image, z along the line of sight)
   Eigen::Isometry3d T_finger_camera = Eigen::Isometry3d::Identity();

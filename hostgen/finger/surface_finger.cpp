@@ -61,8 +61,8 @@ AlignedBox3d labelled_box(const TriangleSurface& surface, const std::string& lab
   return box;
 }
 
-/// Boxes of labels. Rounding must not put a face beside its own box, so it is a little larger, beyond what snaps to it;
-/// not where a plate is cut off.
+/// Boxes made from labels. Each is a little larger than its faces, by more than the snapping distance, so that rounding
+/// puts no face outside its own box; but not where a plate is cut off.
 void find_labelled(const TriangleSurface& surface, SurfaceSource& source, const std::string& spec) {
   constexpr double kRoom_mm = 2 * kSnapMm;
   const auto find = [&](const std::string& field, AlignedBox3d& box) {
@@ -89,7 +89,8 @@ void check_boxes_apart(const SurfaceSource& source, const std::string& spec) {
       throw InputError(spec, field, "the base in it", "a plate alone");
     for (int b = 0; b < a; ++b) {
       if (!source.plates[a].box_mm.intersects(source.plates[b].box_mm)) continue;
-      throw InputError(spec, field, std::string("a part of the ") + kPlateNames[b] + " plate's box", "boxes apart");
+      throw InputError(spec, field, std::string("a part of the ") + kPlateNames[b] + " plate's box",
+                       "boxes that do not overlap");
     }
   }
 }
@@ -137,13 +138,13 @@ SurfaceFinger read_surface_finger(SurfaceSource as_written, const std::filesyste
                                      [&](const Eigen::Vector3d& at) { return source.base_mm.contains(at); });
   if (in_base < 3) {
     throw InputError(spec, "surface.base", std::to_string(in_base) + " points of the surface in it",
-                     "what of the finger is fixed");
+                     "the part of the finger that is fixed");
   }
   for (const std::size_t t : front_patch(surface.point_mm, surface.triangle, source.front_mm)) {
     finger.front.push_back(surface.triangle[t]);
   }
   if (finger.front.empty()) {
-    throw InputError(spec, "surface.front", "no triangle in it that looks to -z", "the face that is touched");
+    throw InputError(spec, "surface.front", "no triangle in it that faces -z", "the face that is touched");
   }
   return finger;
 }

@@ -1,5 +1,5 @@
-// A finger whose shape comes from a file: its closed surface, with boxes, or the file's own names of faces, that say
-// what of it are plates, base and front.
+// A finger whose shape comes from a file: a closed surface, and boxes (or names of faces in the file) that mark its
+// plates, base and front.
 #pragma once
 
 #include <array>
@@ -21,7 +21,7 @@ struct SurfaceSource {
   Eigen::Vector3d origin_mm = Eigen::Vector3d::Zero();  ///< of the finger frame, in the file's axes
   std::array<PlateBox, kPlates> plates;                 ///< top, middle, low
   Eigen::AlignedBox3d base_mm, front_mm;
-  /// Boxes that are those around the faces of a name in the file: by field of the spec ("surface.base"), the name.
+  /// Boxes given by a label, which names faces in the file: field of the spec ("surface.base") -> label.
   std::map<std::string, std::string> label;
 };
 
@@ -33,7 +33,7 @@ struct SurfaceFinger {
   std::vector<std::array<int, 3>> front;                     ///< triangles of the touched face
 
   Eigen::AlignedBox3d plate_bounds_mm(int plate) const;
-  /// Everything that TetGen needs but region seeds: which region is a plate, its box says.
+  /// Everything that TetGen needs except region seeds: the boxes tell which regions are the plates.
   Surface tetgen_input() const;
 };
 

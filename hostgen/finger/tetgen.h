@@ -23,8 +23,8 @@ struct TetgenOutput {
 TetgenOutput run_tetgen(const std::string& poly, const std::string& switches, std::chrono::milliseconds limit,
                         const std::string& program = "tetgen");
 
-/// The triangles, as indices of points, that cut another one other than in common corners and edges. Throws as
-/// run_tetgen() does.
+/// The triangles (as indices of points) that intersect another one anywhere except in common corners and edges. Throws
+/// as run_tetgen() does.
 std::vector<std::array<int, 3>> find_intersections(const TriangleSurface& surface);
 
 }  // namespace finsight::host

@@ -40,12 +40,13 @@ std::string place_text(const Eigen::Vector3d& at_mm) {
 TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm) {
   const std::string extension = file.extension();
   if (extension != ".stl" && extension != ".ply" && extension != ".obj") {
-    throw InputError(file.string(), "name", "'" + extension + "' at its end", ".stl, .ply or .obj");
+    throw InputError(file.string(), "extension", "'" + extension + "'", ".stl, .ply or .obj");
   }
   const std::string bytes = read_file(file);
   Assimp::Importer importer;
   const aiScene* scene = importer.ReadFileFromMemory(bytes.data(), bytes.size(), 0, extension.c_str() + 1);
-  if (!scene) throw InputError(file.string(), "is damaged or no " + extension + " file: " + importer.GetErrorString());
+  if (!scene)
+    throw InputError(file.string(), "is damaged or not a " + extension + " file: " + importer.GetErrorString());
   TriangleSurface surface;
   Points points(surface.point_mm);
   for (unsigned m = 0; m < scene->mNumMeshes; ++m) {  // OBJ's groups and STL's solids are one surface
@@ -56,8 +57,8 @@ TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm
       for (unsigned i = 0; i < mesh.mFaces[f].mNumIndices; ++i) {
         const aiVector3D& at = mesh.mVertices[mesh.mFaces[f].mIndices[i]];
         if (!std::isfinite(at.x) || !std::isfinite(at.y) || !std::isfinite(at.z)) {
-          throw InputError(file.string(), "face " + std::to_string(f + 1), "a coordinate that is no number",
-                           "finite ones");
+          throw InputError(file.string(), "face " + std::to_string(f + 1), "a coordinate that is not finite",
+                           "finite coordinates");
         }
         corner.push_back(points.number(unit_mm * Eigen::Vector3d(at.x, at.y, at.z)));
       }

@@ -14,7 +14,7 @@ namespace finsight::host {
 struct TriangleSurface {
   std::vector<Eigen::Vector3d> point_mm;
   std::vector<std::array<int, 3>> triangle;
-  std::map<std::string, std::vector<int>> labelled{};  ///< points of the faces that a file has under a name
+  std::map<std::string, std::vector<int>> labelled{};  ///< name of faces in the file -> their points
 
   std::array<Eigen::Vector3d, 3> corners(std::size_t t) const {
     return {point_mm[triangle[t][0]], point_mm[triangle[t][1]], point_mm[triangle[t][2]]};
@@ -33,14 +33,14 @@ struct TriangleSurface {
 /// "(1, 2.5, 3) mm", for messages.
 std::string place_text(const Eigen::Vector3d& at_mm);
 
-/// Reads .stl (binary or ASCII), .ply or .obj (by the name's end) whose numbers are in units of `unit_mm`. Points of
+/// Reads .stl (binary or ASCII), .ply or .obj (by its extension) whose numbers are in units of `unit_mm`. Points of
 /// equal coordinates become one; a face of more than three corners becomes a fan. OBJ's groups and STL's solids have
 /// names. Throws InputError.
 TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm);
 
-/// Throws InputError, naming the file, how many and where, unless the surface bounds one solid in one piece, with or
-/// without closed hollows: triangles with an area and none twice, two at every edge, facing outward, none through
-/// another.
+/// Throws InputError (file, number of faults, where the first is) unless the surface bounds one solid in one piece,
+/// with or without closed hollows: no triangle without area or duplicated, two at every edge, all facing outward, none
+/// cutting another.
 void check_bounds_a_solid(const TriangleSurface& surface, const std::string& file);
 
 /// How often the surface winds around a point that does not lie on it: 1 inside the solid, 0 outside and in its

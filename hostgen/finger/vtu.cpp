@@ -48,7 +48,7 @@ void write_vtu(const std::filesystem::path& file, const TetMesh& mesh, const std
   if (displacement_mm && displacement_mm->size() != 3 * nodes) {
     throw std::invalid_argument("write_vtu: displacement_mm must hold 3 numbers per node");
   }
-  // Behind the mesh's nodes tail and head of every arrow, behind its tets their lines.
+  // After the mesh's nodes come the tail and head of every arrow, after its tets the arrows' lines.
   const std::size_t points = nodes + 2 * arrows.size(), cells = tets + arrows.size();
   std::vector<double> position, displacement, force(3 * nodes);
   for (const auto& node : mesh.node_mm) position.insert(position.end(), node.begin(), node.end());

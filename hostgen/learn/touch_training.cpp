@@ -13,7 +13,7 @@ namespace finsight::host {
 namespace {
 
 constexpr std::size_t kTouches = 30000;  // drawn between the states; each is measured about 25 times
-constexpr std::int32_t kFold = 5;        // one in so many points is held out
+constexpr std::int32_t kFold = 5;        // one point in this many is held out
 constexpr int kNoisyRepeats = 20;
 
 struct StateSplit {

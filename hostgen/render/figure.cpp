@@ -122,7 +122,7 @@ cv::Scalar colour_of(double share, double shade) {
   return cv::Scalar(bgr[2], bgr[1], bgr[0]) * shade;
 }
 
-/// The triangles that face the viewer, from the farthest to the nearest one.
+/// The triangles that face the viewer, farthest first.
 std::vector<Triangle> visible_faces(const View& view, const ShapeModel& mesh, std::span<const float> nodes_mm) {
   std::vector<std::pair<double, Triangle>> faces;
   for (const Triangle& face : surface_of(mesh)) {
@@ -143,7 +143,7 @@ void fill_face(Canvas& canvas, const View& view, std::span<const float> nodes_mm
   canvas.fill(corners, colour);
 }
 
-/// The finger at rest as a grey shadow, before it the finger as it is, lit from beside the viewer.
+/// The finger at rest as a grey shadow, in front of it the finger as it is now, lit from beside the viewer.
 void draw_finger(Canvas& canvas, const View& view, const ShapeModel& mesh, std::span<const float> now_mm,
                  double largest_mm) {
   for (const Triangle& face : visible_faces(view, mesh, mesh.rest_mm)) {

@@ -9,7 +9,7 @@
 
 namespace finsight::host {
 
-/// What the stages made of one frame. A copy, for the stages own what they return.
+/// What the stages made of one frame. A copy, because the stages own what they return.
 struct FrameResult {
   std::vector<std::uint8_t> grey;  ///< [height, width]
   int width_px = 0, height_px = 0;
@@ -25,10 +25,10 @@ struct ColourImage {
 
 inline constexpr int kFigureWidth_px = 1200, kFigureHeight_px = 510;
 
-/// On the left the camera's image, scaled to 600 pixels of width or the figure's height, with the outlines and ids of
-/// the markers found. On the right the surface of the mesh, coloured by displacement, before its shadow at rest; where
-/// the touch is valid, its point with the circle that holds 68 % of the errors, and the force as an arrow. The same
-/// input gives the same pixels.
+/// On the left the camera's image, scaled to fit a width of 600 pixels and the figure's height, with the outlines and
+/// ids of the markers found. On the right the surface of the mesh, coloured by displacement, in front of its shadow at
+/// rest; where the touch is valid, its point with the circle that holds 68 % of the errors, and the force as an arrow.
+/// The same input gives the same pixels.
 ColourImage draw_figure(const ShapeModel& mesh, const std::array<int, kPlates>& marker_id, const FrameResult& frame);
 
 }  // namespace finsight::host

@@ -14,7 +14,7 @@ namespace {
 constexpr double kReferenceWidthPx = 640;
 using Block = Eigen::Matrix<float, 8, 8>;
 
-/// Calls `change(pixel, share)` for the pixels around a place, with a share that falls like a Gaussian.
+/// Calls `change(pixel, share)` for the pixels around a point, with a share that falls off like a Gaussian.
 void blob(int width_px, int height_px, const Eigen::Vector2d& at_px, double sigma_px,
           const std::function<void(std::size_t, double)>& change) {
   const int reach = static_cast<int>(std::ceil(3 * sigma_px));

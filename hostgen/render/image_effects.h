@@ -1,4 +1,4 @@
-// What spoils a whole image, whatever it shows: reflections, dirt, bars, and compression.
+// What degrades a whole image, whatever it shows: reflections, dirt, dark bars and compression.
 #pragma once
 
 #include <cstdint>
@@ -18,8 +18,8 @@ struct ImageFilm {
 };
 
 /// Rounds the cosine coefficients of every block of 8 x 8 pixels to steps of JPEG's luminance table (ITU T.81, table
-/// K.1) at this quality, 1 ... 100, as the IJG's library scales it. What is left over at the right and lower border
-/// stays.
+/// K.1) at this quality, 1 ... 100, as libjpeg scales it. Incomplete blocks at the right and lower edges stay as they
+/// are.
 void compress_like_jpeg(std::vector<std::uint8_t>& grey, int width_px, int height_px, int quality);
 
 }  // namespace finsight::host

@@ -1,4 +1,4 @@
-// How a rendered image is spoiled: by the lens, the light, dirt, motion, the sensor, and compression.
+// How a rendered image is degraded: by the lens, the light, dirt, motion, the sensor, and compression.
 #pragma once
 
 #include <string>
@@ -26,7 +26,8 @@ struct ImageQuality {
 };
 
 /// "lab": a clean finger in good light. "factory": dust, reflections, a lens that is not sharp at all depths, 4 ms of
-/// exposure. "worst": little light, 8 ms, much of everything. Throws std::invalid_argument for another name.
+/// exposure. "worst": little light, 8 ms of exposure, and plenty of each defect. Throws std::invalid_argument for
+/// another name.
 ImageQuality image_preset(const std::string& name);
 std::vector<std::string> image_presets();
 

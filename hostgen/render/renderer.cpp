@@ -36,7 +36,7 @@ struct PixelSamples {
   }
 };
 
-/// One half and the middle of a Gaussian of weights with sum 1.
+/// The centre and one side of a symmetric Gaussian whose weights add up to 1.
 std::vector<float> blur_weights(double sigma_px) {
   std::vector<double> weights{1};
   double sum = 1;
@@ -51,8 +51,8 @@ std::vector<float> blur_weights(double sigma_px) {
 
 }  // namespace
 
-/// Which area of the face holds each point (u right, v up, from the marker's middle; finite). Without branches, so that
-/// the compiler takes many points at once.
+/// Which area of the face holds each point (u right, v up, from the marker's centre; finite). Without branches, so that
+/// the compiler vectorises it.
 template <int N>
 std::array<int, N> Renderer::Face::areas(const Eigen::Array<float, N, 1>& u_mm,
                                          const Eigen::Array<float, N, 1>& v_mm) const {
@@ -183,7 +183,8 @@ void Renderer::sharpness_at(double z_mm) {
   blur_weights_ = blur_weights(std::hypot(quality_.blur_px, defocus_px));
 }
 
-/// The part of the image that the face can reach, blur included; all of it when the face leaves the lens's reach.
+/// The part of the image that the face can reach, blur included; the whole image when part of the face is beyond what
+/// the lens can see.
 Renderer::Box Renderer::bounds(const Face& face, const Eigen::Isometry3d& T_camera_marker) const {
   constexpr int kSteps = 8;  // distortion bends the edges
   Eigen::Vector2d lowest(1e9, 1e9), highest(-1e9, -1e9);
@@ -311,8 +312,8 @@ void Renderer::blur_layer(const Box& box, std::vector<float>& layer) {
   }
 }
 
-/// Shot and read noise, then 8 bits. Every row takes a stretch of the table of normal numbers from a place of its own:
-/// drawing a million of them for every image would take longer than all the rest.
+/// Shot and read noise, then 8 bits. Every row takes its noise from a random place in a table of normal numbers:
+/// drawing a million of them for every image would take longer than everything else.
 void Renderer::quantise(std::vector<std::uint8_t>& grey) {
   grey.resize(image_.size());
   const float read_variance = static_cast<float>(quality_.read_noise * quality_.read_noise);

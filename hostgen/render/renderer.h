@@ -60,12 +60,12 @@ class Renderer {
   Random noise_;
   double turning_radius_sq_;
   std::array<Face, kPlates> faces_;
-  std::vector<Eigen::Vector2f> corner_ray_;  ///< [height + 1, width + 1] rays at the pixels' corners; NaN where none
+  std::vector<Eigen::Vector2f> corner_ray_;  ///< [height + 1, width + 1] rays at pixel corners; NaN beyond the lens
   std::vector<float> light_;                 ///< [height, width] share of the full light
   std::vector<float> background_;            ///< [height, width] grey levels
   std::vector<float> noise_table_;
   ImageFilm film_;
-  std::vector<float> blur_weights_;  ///< the middle one, then one side's; of the plate that is drawn
+  std::vector<float> blur_weights_;  ///< the centre's, then those of one side; of the plate being drawn
 
   // Workspace of one image
   std::vector<float> image_;                   ///< [height, width] grey levels of one scene

@@ -73,7 +73,7 @@ std::vector<Renderer::Scene> SceneMaker::exposure(std::size_t frame) const {
   return scenes;
 }
 
-// The swing of a beam goes by the square of the height.
+// A beam's swing grows with the square of the height.
 void shake(const FingerSpec& spec, double frames_per_second, std::vector<FemState>& states) {
   const double top_mm = spec.plates[kTopPlate].T_finger_marker.translation().y();
   for (std::size_t frame = 0; frame < states.size(); ++frame) {

@@ -1,4 +1,4 @@
-// From touched states to what the camera sees during each exposure, and what happens to it besides.
+// From touched states to what the camera sees during each exposure, including events such as a covered marker.
 #pragma once
 
 #include <string>
@@ -23,10 +23,11 @@ const std::vector<std::pair<std::string, SessionEvent>>& session_events();
 /// The scenes of every frame of a session.
 class SceneMaker {
  public:
-  /// `states`: one per frame, which must live as long. exposure_s: around the frame's time; 0: one scene per frame.
+  /// `states`: one per frame, which must outlive this object. exposure_s: around the frame's time; 0: one scene per
+  /// frame.
   SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s, SessionEvent event);
   std::vector<Renderer::Scene> exposure(std::size_t frame) const;
-  /// The camera gives its last image again.
+  /// The camera delivers its last image once more.
   bool is_frozen(std::size_t frame) const;
 
  private:
@@ -38,8 +39,7 @@ class SceneMaker {
   SessionEvent event_;
 };
 
-/// Adds to the plates of the middle third of a session that the finger swings: at 12 Hz, up to 3 mm at the top plate,
-/// touched or not.
+/// Makes the finger swing in the middle third of a session, touched or not: at 12 Hz, by up to 3 mm at the top plate.
 void shake(const FingerSpec& spec, double frames_per_second, std::vector<FemState>& states);
 
 }  // namespace finsight::host

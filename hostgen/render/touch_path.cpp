@@ -19,7 +19,7 @@ constexpr double kFullCircle = 2 * std::numbers::pi;
 constexpr double kPressSeconds = 4;      // about; presses divide the whole time evenly
 constexpr double kPauseShare = 1.0 / 8;  // of a press, half before and half after
 constexpr double kRampShare = 1.0 / 5;
-constexpr double kLightestTouch_n = 0.01;  // a lighter one moves nothing that a camera sees, and drowns in rounding
+constexpr double kLightestTouch_n = 0.01;  // a lighter one moves nothing that a camera can see, and is lost in rounding
 constexpr double kTipForceShare = 0.5;  // of the spec's largest force: the higher up, the further the finger gives way
 constexpr double kRounds = 2, kPathRadius = 0.8, kPathForceShare = 0.6, kPathRamp_s = 0.5;  // of the paper's paths
 constexpr int kKeyStep = 4;         // frames from one solved state to the next: 67 ms, while forces ramp over 0.8 s

@@ -11,13 +11,13 @@
 
 namespace finsight::host {
 
-/// Where and how hard the finger is touched at any time. The point wanders over all of the touchable face by slow
-/// sines; the force comes in presses of about four seconds, each from nothing to at most the spec's largest force and
-/// back (the first reaches it), with a pause of half a second between them.
+/// Where and how hard the finger is touched at any time. The point wanders over the whole touchable face along slow
+/// sine waves; the force comes in presses of about four seconds, each from nothing to at most the spec's largest force
+/// and back (the first reaches it), with a pause of half a second between them.
 class TouchPlan {
  public:
-  /// How the point moves. The paper's four paths (its figure 7) run around the middle of the face, two times, under 60
-  /// % of the spec's largest force.
+  /// How the point moves. The paper's four paths (its figure 7) run around the middle of the face twice, under 60 % of
+  /// the spec's largest force.
   enum class Path { kWander, kFast, kCircle, kSquare, kEight, kStar, kRest };
   /// `seconds` > 0. kFast: three times as fast as kWander. kRest: nothing touches the finger.
   TouchPlan(const FingerSpec& spec, double seconds, std::uint64_t seed, Path path = Path::kWander);
@@ -54,9 +54,9 @@ const std::vector<std::pair<std::string, TouchPlan::Path>>& touch_paths();
 std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const TouchPlan& plan, int frames,
                                       double frames_per_second);
 
-/// States at every `step`-th frame -> states of the first `frames` frames: Catmull-Rom splines through all numbers.
-/// Needs at least one state beyond the last frame or at it. Where neither neighbour is touched the finger rests
-/// exactly.
+/// States at every `step`-th frame -> states of the first `frames` frames: Catmull-Rom splines through every number of
+/// a state. Needs at least one state beyond the last frame or at it. Where neither neighbouring state is touched, the
+/// finger is exactly at rest.
 std::vector<FemState> interpolated(const std::vector<FemState>& keys, int step, int frames);
 
 }  // namespace finsight::host

@@ -81,7 +81,7 @@ TEST_CASE("board views: each rejected image has its reason") {
   CHECK(used_views(views).size() == 2);
 }
 
-TEST_CASE("board views: of a video one frame of so many is looked at, and what was read before a cut stays") {
+TEST_CASE("board views: every Nth frame of a video is used, and what was read before a cut-off is kept") {
   const test::ScratchFolder folder;
   const test::BoardPainter painter(kCamera);
   {

@@ -83,7 +83,7 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: what is found is in equilibrium") {
   CHECK(worst_mm(found, solver.node_displacement_mm()) < 5e-3);
 }
 
-TEST_CASE_FIXTURE(Fixture, "contact forces: L-BFGS goes down, to what Gauss-Newton finds sooner") {
+TEST_CASE_FIXTURE(Fixture, "contact forces: L-BFGS descends, to what Gauss-Newton reaches sooner") {
   const PlatePoses measured = plates_under(kTwo);
   const ContactForces paper = solver.lbfgs(measured, 30), ours = solver.gauss_newton(measured);
   REQUIRE(paper.curve.size() > 10);

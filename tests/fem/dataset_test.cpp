@@ -53,7 +53,7 @@ bool same(const FemDataset& a, const FemDataset& b) {
 
 }  // namespace
 
-TEST_CASE("dataset: states come path by path from the lowest force up, and again the same") {
+TEST_CASE("dataset: states come path by path from the lowest force up, and are the same every time") {
   const FemDataset dataset = small_dataset();
   REQUIRE(dataset.states.size() == 12);
   CHECK(dataset.node_displacement_mm.size() == 12 * 3 * dataset.mesh_nodes);
@@ -100,7 +100,7 @@ TEST_CASE("dataset: shards in any order make the same bytes as one run") {
   }
   write_dataset(folder / "merged", merge_datasets(shards));
   CHECK(read_file(folder / "merged") == read_file(folder / "whole"));
-  // A shard alone is no training set.
+  // A shard alone is not a training set.
   CHECK_NOTHROW(
       check_complete(read_dataset(folder / "merged"), test::small_finger_spec(), test::small_finger_mesh(), "m"));
   CHECK(refusal([&] {
@@ -123,7 +123,7 @@ TEST_CASE("dataset: what cannot be merged is refused with the file and the reaso
   CHECK(foreign.find("spec_sha256") != std::string::npos);
 }
 
-TEST_CASE("dataset: an interrupted run goes on with the paths that it finished") {
+TEST_CASE("dataset: an interrupted run resumes from the paths that it finished") {
   const test::ScratchFolder folder;
   const FemDataset whole = small_dataset({}, folder / "paths");
   const auto kept = folder / "paths" / "00002.safetensors";

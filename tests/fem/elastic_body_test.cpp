@@ -72,7 +72,7 @@ TEST_CASE("elastic body: the tangent is the derivative of the forces") {
   CHECK(worst < 1e-6 * largest);
 }
 
-TEST_CASE("elastic body: forces of a uniform stretch stand in balance inside the body") {
+TEST_CASE("elastic body: forces of a uniform stretch balance inside the body") {
   const Beam beam;
   std::vector<double> u(beam.body.vector_size());
   // The gradient of displacement is the same everywhere, and zero on the fixed plane y = 0.

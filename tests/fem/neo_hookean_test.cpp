@@ -103,7 +103,7 @@ TEST_CASE("neo_hookean: the second derivative is the stress's derivative") {
   }
 }
 
-TEST_CASE("neo_hookean: both stresses tell the same, and a step's change of stress is right to first order") {
+TEST_CASE("neo_hookean: both forms of the stress agree, and a step's change of stress is right to first order") {
   for (std::uint32_t seed = 1; seed <= 50; ++seed) {
     const Matrix3d F = random_deformation(seed), D = Matrix3d::Random(), none = Matrix3d::Zero();
     CHECK((F * second_stress(F, none, kMaterial) - first_stress(F, kMaterial)).norm() < 1e-11);
@@ -115,7 +115,7 @@ TEST_CASE("neo_hookean: both stresses tell the same, and a step's change of stre
   }
 }
 
-TEST_CASE("neo_hookean: rest and rotations are free of stress, small strains obey Hooke") {
+TEST_CASE("neo_hookean: rest and rotations are stress-free, small strains obey Hooke") {
   const Matrix3d R = Eigen::AngleAxisd(2.1, Eigen::Vector3d(1, 2, -3).normalized()).toRotationMatrix();
   CHECK(first_stress(Matrix3d::Identity(), kMaterial).norm() < 1e-14);
   CHECK(first_stress(R, kMaterial).norm() < 1e-12);
@@ -130,7 +130,7 @@ TEST_CASE("neo_hookean: rest and rotations are free of stress, small strains obe
   CHECK(lambda / (2 * (lambda + kMaterial.mu_mpa)) == doctest::Approx(0.47));
 }
 
-TEST_CASE("neo_hookean: vectors compute what numbers compute, lane by lane") {
+TEST_CASE("neo_hookean: vectorised and scalar results are equal, lane by lane") {
   using Pack = finsight::simd::Vector<double>;
   NeoHookeanState<Pack> all;
   for (int lane = 0; lane < finsight::simd::kLanes<Pack>; ++lane) {

@@ -99,7 +99,7 @@ TEST_CASE("quadratic_mesh: a face point's weights carry its force and moment and
   }
 }
 
-TEST_CASE("quadratic_mesh: a point beside the face stands for the nearest one of its edge") {
+TEST_CASE("quadratic_mesh: a point off the face is taken to the nearest one on its edge") {
   const QuadraticMesh mesh = make_quadratic(small_finger_mesh());
   CHECK((face_point(mesh, 9, 31).at_mm - Vector3d(6, 31, 0)).norm() < 1e-12);
   CHECK((face_point(mesh, -100, 100).at_mm - Vector3d(-6, 60, 0)).norm() < 1e-12);

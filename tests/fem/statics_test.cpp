@@ -52,7 +52,7 @@ TEST_CASE("statics: more force pushes further, and the state does not depend on 
 }
 
 TEST_CASE("statics: a touch that moved along the face can be weakened") {
-  // The move changes the load much and the shape little; what the force then does is no jump.
+  // The move changes the load a lot and the shape little; weakening the force then must not count as a jump.
   FingerStatics finger(test::small_finger_spec(), test::small_finger_mesh());
   REQUIRE(finger.load(Vec3f(-2, 40, 0), 0.3));
   for (const float x_mm : {-1.0f, 0.0f, 1.0f, 2.0f}) REQUIRE(finger.load(Vec3f(x_mm, 40, 0), 0.3));

@@ -79,14 +79,14 @@ TEST_CASE("closed surface: everything that is not the surface of one solid is re
       {"inside out", turned_inside_out(cube()), {"all 12 triangles facing inward", "flip all normals"}},
       {"twice",
        changed([](auto& s) { s.triangle.push_back(s.triangle[3]); }),
-       {"1 triangle that is there twice", "triangle 13 around (10, 20, 30) mm"}},
+       {"1 duplicate triangle", "triangle 13 around (10, 20, 30) mm"}},
       {"twice, turned",
        changed([](auto& s) {
          auto corner = s.triangle[3];
          std::swap(corner[0], corner[1]);
          s.triangle.push_back(corner);
        }),
-       {"1 triangle that is there twice"}},
+       {"1 duplicate triangle"}},
       {"a corner twice",
        changed([](auto& s) {
          s.triangle.push_back({1, 1, 3});

@@ -215,7 +215,7 @@ TEST_CASE("surface finger: faces that have names in the file may be called by th
             .find("it has none: OBJ's groups") != std::string::npos);
 }
 
-TEST_CASE("surface finger: wrong units are told from the size, with what they may be") {
+TEST_CASE("surface finger: wrong units are recognised by the finger's size, and likely ones suggested") {
   TriangleSurface in_metres = srm_surface(), in_inches = srm_surface();
   for (Vector3d& at : in_metres.point_mm) at /= 1000;
   for (Vector3d& at : in_inches.point_mm) at /= 25.4;

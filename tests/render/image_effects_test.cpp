@@ -48,7 +48,7 @@ TEST_CASE("image effects: JPEG's rounding changes little at quality 100, more th
   CHECK(std::all_of(even.begin(), even.end(), [](int level) { return level == 136; }));
 }
 
-TEST_CASE("image effects: a block's error does not leave the block, and the remainder of the border stays") {
+TEST_CASE("image effects: a block's error does not leave the block, and incomplete blocks at the border stay") {
   std::vector<std::uint8_t> grey(20 * 20, 100);
   grey[0] = 255;
   grey[399] = 255;
@@ -76,7 +76,7 @@ TEST_CASE("image effects: a clean film is empty; reflections only add light, dir
   CHECK(*most == 1);
 }
 
-TEST_CASE("image presets: exist by name, get worse in their order, and no other does") {
+TEST_CASE("image presets: three have names, each is worse than the one before, and other names are refused") {
   double noise = 0;
   for (const std::string& name : image_presets()) {
     CAPTURE(name);

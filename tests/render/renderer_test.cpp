@@ -20,7 +20,7 @@ using Image = std::vector<std::uint8_t>;
 
 FingerSpec default_spec() { return read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml"); }
 
-/// An image that nothing spoils, on an even background.
+/// An undegraded image on an even background.
 ImageQuality clean() { return {.blur_px = 0, .read_noise = 0, .shot_noise = 0, .vignetting = 0, .light_gradient = 0}; }
 
 Image rendered(const FingerSpec& spec, const Lens& camera, const ImageQuality& quality, const Plates& plates,
@@ -244,8 +244,8 @@ TEST_CASE("renderer: plates that cannot be seen leave the background as it is") 
   const float half_turn = static_cast<float>(std::numbers::pi);
   const std::vector<PlateMotion> unseen = {{Vec3f(0, -300, 0), Vec3f::Zero()},        // behind the camera
                                            {Vec3f(0, 0, 0), Vec3f(half_turn, 0, 0)},  // from behind
-                                           {Vec3f(3000, 0, 0), Vec3f::Zero()},        // far beside
-                                           {Vec3f(-80, 0, 0), Vec3f::Zero()}};        // beside the image
+                                           {Vec3f(3000, 0, 0), Vec3f::Zero()},        // far to one side
+                                           {Vec3f(-80, 0, 0), Vec3f::Zero()}};        // just outside the image
   Plates away;
   away.fill(unseen[0]);
   Renderer renderer(spec, camera, clean(), 1);

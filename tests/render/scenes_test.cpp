@@ -31,7 +31,7 @@ TEST_CASE("scenes: without exposure time a frame is one scene, its state") {
   CHECK(scenes[0].light == 1);
 }
 
-TEST_CASE("scenes: an exposure lies around the frame's time and is as long as it should be") {
+TEST_CASE("scenes: an exposure is centred on the frame's time and has the right length") {
   const auto states = moving();
   const auto scenes = maker(states, SessionEvent::kNone, 0.5 / kFramesPerSecond).exposure(7);
   REQUIRE(scenes.size() > 2);

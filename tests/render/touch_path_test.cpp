@@ -78,7 +78,9 @@ TEST_CASE("touch plan: at rest nothing touches the finger") {
   for (int k = 0; k <= 80; ++k) CHECK(plan.force_n(0.1 * k) == 0);
 }
 
-TEST_CASE("touch plan: the force starts and ends at nothing, reaches the largest and never more, and lifts off") {
+TEST_CASE(
+    "touch plan: the force starts and ends at zero, reaches the largest force and never exceeds it, and pauses between "
+    "presses") {
   const FingerSpec spec = default_spec();
   for (const double seconds : {0.5, 3.0, 10.0, 12.0, 60.0}) {
     CAPTURE(seconds);
