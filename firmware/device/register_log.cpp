@@ -1,9 +1,6 @@
 #include "firmware/device/register_log.h"
 
 #include <string>
-#include <utility>
-
-#include "firmware/settings/atomic_file.h"
 
 namespace finsight {
 
@@ -20,12 +17,14 @@ std::string csv_of_registers(const RegisterWords& words) {
   return text;
 }
 
-RegisterLog::RegisterLog(std::filesystem::path file, std::size_t max_blocks) : file_(std::move(file)) {
-  if (!file_.empty()) blocks_.resize(max_blocks);
+RegisterLog::RegisterLog(const std::filesystem::path& file, std::size_t max_blocks) {
+  if (file.empty()) return;
+  file_.emplace(file);
+  blocks_.resize(max_blocks);
 }
 
 void RegisterLog::add(const RegisterImage& image) {
-  if (file_.empty()) return;
+  if (!file_) return;
   if (used_ < blocks_.size()) {
     blocks_[used_++] = image.words;
   } else {
@@ -33,12 +32,11 @@ void RegisterLog::add(const RegisterImage& image) {
   }
 }
 
-std::size_t RegisterLog::write() const {
-  if (file_.empty()) return 0;
-  AtomicFile out(file_);
-  out.write(csv_names_of_registers() + "\n");
-  for (std::size_t block = 0; block < used_; ++block) out.write(csv_of_registers(blocks_[block]) + "\n");
-  out.commit();
+std::size_t RegisterLog::write() {
+  if (!file_) return 0;
+  file_->write(csv_names_of_registers() + "\n");
+  for (std::size_t block = 0; block < used_; ++block) file_->write(csv_of_registers(blocks_[block]) + "\n");
+  file_->commit();
   return left_out_;
 }
 

@@ -5,9 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "firmware/settings/atomic_file.h"
 #include "firmware/types.h"
 
 namespace finsight {
@@ -25,14 +27,15 @@ class RegisterLog {
   /// 72 minutes at 60 frames/s, 25 MB.
   static constexpr std::size_t kMaxBlocks = 1 << 18;
 
-  /// An empty path: nothing is kept or written.
-  explicit RegisterLog(std::filesystem::path file, std::size_t max_blocks = kMaxBlocks);
+  /// Creates the file already, so that a path that cannot be written is reported before the work. An empty path:
+  /// nothing is kept or written. Throws std::system_error.
+  explicit RegisterLog(const std::filesystem::path& file, std::size_t max_blocks = kMaxBlocks);
   void add(const RegisterImage& image);
-  /// Returns how many blocks had no room. Throws std::system_error.
-  std::size_t write() const;
+  /// Once. Returns how many blocks had no room. Throws std::system_error.
+  std::size_t write();
 
  private:
-  std::filesystem::path file_;
+  std::optional<AtomicFile> file_;
   std::vector<RegisterWords> blocks_;
   std::size_t used_ = 0, left_out_ = 0;
 };

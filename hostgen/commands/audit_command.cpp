@@ -6,6 +6,7 @@
 #include "hostgen/commands/commands.h"
 #include "hostgen/recordings/audit.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/output_name.h"
 
 namespace finsight::host {
 
@@ -20,6 +21,7 @@ void add_audit_command(CLI::App& app) {
   command->add_option("-o,--output", options->image, "image to write (.svg); default: NAME-audit.svg in this folder");
   command->callback([options] {
     if (options->image.empty()) options->image = options->csv.stem().string() + "-audit.svg";
+    check_extension(options->image, {".svg"});
     check_writable(options->image, {options->csv});
     const RecordedMotion motion = read_recorded_motion(options->csv, "");
     const RecordingAudit audit = audit_recordings(motion);

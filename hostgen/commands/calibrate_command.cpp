@@ -7,6 +7,7 @@
 #include "hostgen/calibrate/calibration_report.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/output_name.h"
 
 namespace finsight::host {
 
@@ -32,12 +33,10 @@ CharucoBoard board_of(const Options& options) {
 }
 
 void print_board(const Options& options, const CharucoBoard& board) {
-  const std::string kind = options.print_board.extension().string();
-  if (kind != ".svg" && kind != ".png") {
-    throw InputError("--print-board", "file", options.print_board.string(), "a name that ends in .svg or .png");
-  }
+  check_extension(options.print_board, {".svg", ".png"});
+  const bool is_svg = options.print_board.extension() == ".svg";
   write_file_atomically(options.print_board,
-                        kind == ".svg" ? board_svg(board, options.square_mm) : board_png(board, options.square_mm));
+                        is_svg ? board_svg(board, options.square_mm) : board_png(board, options.square_mm));
   std::printf("%s: %dx%d squares of %g mm. Print it without scaling, measure a square, and fix it to something flat.\n",
               options.print_board.c_str(), board.columns, board.rows, options.square_mm);
 }
@@ -46,7 +45,10 @@ void calibrate(const Options& options, const CharucoBoard& board) {
   std::vector<fs::path> used = image_files(options.folder);
   check_writable(options.output, used);
   used.push_back(options.output);
-  if (!options.plot.empty()) check_writable(options.plot, used);
+  if (!options.plot.empty()) {
+    check_extension(options.plot, {".svg"});
+    check_writable(options.plot, used);
+  }
   std::vector<BoardView> views = read_board_views(options.folder, board, options.every);
   reject_bad_views(board, views);
   LensCalibration calibration;

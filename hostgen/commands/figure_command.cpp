@@ -13,6 +13,7 @@
 #include "hostgen/commands/commands.h"
 #include "hostgen/render/figure.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/output_name.h"
 
 namespace finsight::host {
 
@@ -70,6 +71,7 @@ NumberedFrame measure(const Options& options, const Model& model) {
 }
 
 void run(const Options& options) {
+  check_extension(options.output, {".png"});
   check_writable(options.output, {options.pack, options.session / kSessionFrames, options.session / kSessionInfo});
   const Model model = Model::open(options.pack);
   const NumberedFrame frame = measure(options, model);

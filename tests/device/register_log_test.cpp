@@ -52,6 +52,12 @@ TEST_CASE("register log: adding does not allocate, and blocks without room are c
   CHECK(lines_of(folder / "log.csv").size() == 1001);
 }
 
+TEST_CASE("register log: a file that cannot be written is refused before the first block") {
+  const test::ScratchFolder folder;
+  folder.write("file", "");
+  CHECK_THROWS_AS(RegisterLog(folder / "file/log.csv"), std::exception);  // a file is not a folder
+}
+
 TEST_CASE("register log: without a file nothing is kept") {
   RegisterLog log("");
   log.add(block(1));

@@ -287,6 +287,9 @@ class Hostgen(unittest.TestCase):
         answer = run(BINARIES / "hostgen", "figure", SESSION, "--pack", PACK, "-o", "/tmp/x.png", "--frame", 100000)
         self.assertEqual(answer.returncode, 2)
         self.assertIn("has no frame 100000", answer.stderr)
+        answer = run(BINARIES / "hostgen", "figure", SESSION, "--pack", PACK, "-o", "/tmp/x.jpg")
+        self.assertEqual(answer.returncode, 2)
+        self.assertIn("a name that ends in .png", answer.stderr)
 
     def test_bad_usage_and_bad_specs_exit_with_2(self):
         self.assertEqual(run(BINARIES / "hostgen", "nonsense").returncode, 2)
