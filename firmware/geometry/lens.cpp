@@ -69,7 +69,7 @@ Vector2d ray_from_pixel(const Lens& lens, const Vector2d& pixel, double toleranc
 }
 
 double turning_radius_sq(const Lens& lens) {
-  // The derivative of r (1 + k1 r^2 + k2 r^4 + k3 r^6) by r is a cubic in s = r^2; its first root is looked for.
+  // The derivative of r (1 + k1 r^2 + k2 r^4 + k3 r^6) is a cubic in s = r^2; its first root is looked for.
   constexpr double kWidest = 100, kStep = 1e-4;
   for (double s = 0; s < kWidest; s += kStep) {
     if (1 + s * (3 * lens.k1 + s * (5 * lens.k2 + s * 7 * lens.k3)) <= 0) return s;

@@ -73,7 +73,7 @@ class PackReader {
   /// Throws for every tensor that nobody asked for.
   void finish() const {
     for (const std::string& name : file_.names()) {
-      if (!asked_.contains(name)) file_.refuse(name, "an unknown tensor", "none of that name");
+      if (!asked_.contains(name)) file_.refuse(name, "an unknown tensor", "known tensors only");
     }
   }
 

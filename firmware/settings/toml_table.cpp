@@ -264,7 +264,7 @@ void TomlTable::finish() const {
     for (const auto& [key, node] : as_table(place->node)) {
       const std::string name(key.str());
       if (std::find(asked_.begin(), asked_.end(), name) != asked_.end()) continue;
-      throw InputError(where(name), name_ + name, "an unknown key", "none of that name");
+      throw InputError(where(name), name_ + name, "an unknown key", "known keys only");
     }
   }
 }

@@ -25,7 +25,7 @@ constexpr double kWorthAContact = 11.34, kAsGood = 5.99;
 constexpr double kEqual = 0.01;  // misfits nearer than this are equal
 constexpr int kMaxMoves = 20, kMaxRefinements = 10, kHalvings = 4;
 constexpr double kLongestMove_mm = 3;    // of one refinement
-constexpr double kDifference_mm = 0.25;  // for derivatives by the place
+constexpr double kDifference_mm = 0.25;  // for derivatives with respect to position
 
 MatrixXd responses(const PushResponse& response, const Matrix2Xd& places_mm) {
   MatrixXd columns(response.at_grid.rows(), places_mm.cols());
@@ -90,7 +90,7 @@ ContactChoice contacts_at(const PushResponse& response, const VectorXd& goal, co
   return choice;
 }
 
-/// [numbers, 3 * contacts] derivatives of what the contacts cause by their x, y and force.
+/// [numbers, 3 * contacts] derivatives of what the contacts cause with respect to their x, y and force.
 MatrixXd derivatives(const PushResponse& response, const ContactChoice& choice) {
   MatrixXd M(response.at_grid.rows(), 3 * choice.force_n.size());
   for (Index i = 0; i < choice.force_n.size(); ++i) {
@@ -184,7 +184,7 @@ ContactChoice with_one_less(const PushResponse& response, const VectorXd& goal, 
 }
 
 /// Pushes that may be spread: each by its place, its force, and its force times the second moments of its spread along
-/// the face, x and y. The last two change what it causes by half the second derivatives by the place.
+/// the face, x and y. The last two change what it causes by half the second derivatives with respect to position.
 struct SpreadPushes {
   static constexpr Index kEach = 5;
   MatrixXd M;      ///< [numbers, kEach * pushes]

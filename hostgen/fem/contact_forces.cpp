@@ -1,5 +1,5 @@
 // Letters: q the forces of the pushes, B their unit loads (columns), f internal forces, K tangent, u displacements,
-// y = A u - b the plates' errors (plate_errors.h), W = K^-1 A^T, J = W^T B the errors' derivative by the forces.
+// y = A u - b the plates' errors (plate_errors.h), W = K^-1 A^T, J = W^T B their derivative with respect to q.
 #include "hostgen/fem/contact_forces.h"
 
 #include <Eigen/Eigenvalues>

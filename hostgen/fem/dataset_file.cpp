@@ -13,7 +13,7 @@ namespace finsight::host {
 namespace {
 
 constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
-constexpr std::size_t kStateNumbers = 1 + 3 + 3 + 6 * kPlates;  // force, point, contact, plates
+constexpr std::size_t kStateNumbers = 1 + 3 + 3 + kPoseDims;  // force, point, contact, plates
 constexpr const char* kFormat = "2";
 
 int count_in(const SafetensorsFile& in, const std::string& key) {

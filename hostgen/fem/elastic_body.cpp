@@ -282,7 +282,7 @@ void ElasticBody::tangent(std::span<const double> u, std::span<const double> str
   }
 }
 
-// The derivative of d2W by D: dP = D S + (v t - 2/3 c F : D) F^-T - 2/3 c t F - 2 b sym(A) F^-T.
+// The derivative of d2W with respect to D: dP = D S + (v t - 2/3 c F : D) F^-T - 2/3 c t F - 2 b sym(A) F^-T.
 void ElasticBody::times_tangent(std::span<const double> u, std::span<const double> stress, std::span<const double> w,
                                 std::span<double> product) const {
   std::fill(product.begin(), product.end(), 0.0);

@@ -143,7 +143,7 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
   }
   if (!same_place) {
     history = {Station{target_force_n, history.back().state}};
-    // A touch that moves along the face changes the load much and the shape little. Measured by that, the next change
+    // A touch that moves along the face changes the load a lot and the shape little. Measured by that, the next change
     // of force would look like a jump.
     compliance = std::max(compliance, compliance_before);
   }

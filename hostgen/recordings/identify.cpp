@@ -58,7 +58,7 @@ Eigen::Vector3d inward_normal(const FingerSpec& spec) {
   return Eigen::Vector3d(0, -spec.front_z.slope, 1).normalized();
 }
 
-using Millimetres = Eigen::Matrix<double, 6 * kPlates, 1>;
+using Millimetres = Eigen::Matrix<double, kPoseDims, 1>;
 
 /// Displacements, and rotations as displacements; 0 for plates that were not seen.
 Millimetres in_millimetres(const std::array<PlateMotion, kPlates>& plates, const std::array<bool, kPlates>& seen) {
@@ -99,14 +99,14 @@ struct Residuals {
 Residuals residuals(const FingerSpec& spec, const std::vector<RecordedPush>& pushes, const MeshMaker& make) {
   const auto finger = std::make_shared<const PushedFinger>(spec, make(spec));
   const Eigen::Vector3d inward = inward_normal(spec);
-  Residuals result{VectorXd::Zero(6 * kPlates * static_cast<Index>(pushes.size())), {}};
+  Residuals result{VectorXd::Zero(kPoseDims * static_cast<Index>(pushes.size())), {}};
   std::vector<char> good(pushes.size());
   parallel_for(pushes.size(), [&](std::size_t i) {
     FingerStatics statics(finger);
     const std::optional<Millimetres> simulated = simulate(statics, pushes[i], inward);
     if (!simulated) return;
     good[i] = 1;
-    result.errors_mm.segment<6 * kPlates>(6 * kPlates * static_cast<Index>(i)) =
+    result.errors_mm.segment<kPoseDims>(kPoseDims * static_cast<Index>(i)) =
         *simulated - in_millimetres(pushes[i].poses.plates, pushes[i].poses.seen);
   });
   result.good.assign(good.begin(), good.end());
@@ -117,7 +117,7 @@ Residuals residuals(const FingerSpec& spec, const std::vector<RecordedPush>& pus
 VectorXd common(const VectorXd& errors, const std::vector<bool>& good) {
   VectorXd kept = errors;
   for (std::size_t i = 0; i < good.size(); ++i) {
-    if (!good[i]) kept.segment<6 * kPlates>(6 * kPlates * static_cast<Index>(i)).setZero();
+    if (!good[i]) kept.segment<kPoseDims>(kPoseDims * static_cast<Index>(i)).setZero();
   }
   return kept;
 }
@@ -128,7 +128,7 @@ std::vector<bool> both(const std::vector<bool>& a, const std::vector<bool>& b) {
   return result;
 }
 
-/// One spec's errors and their derivatives by the logarithms of its numbers.
+/// One spec's errors and their derivatives with respect to the logarithms of its numbers.
 struct Linearisation {
   Residuals at;
   MatrixXd derivative;

@@ -35,7 +35,7 @@ constexpr int kWeakenings = 20;
 double smooth_step(double x) { return 0.5 - 0.5 * std::cos(std::numbers::pi * std::clamp(x, 0.0, 1.0)); }
 
 /// All numbers of a state that change from frame to frame.
-using StateNumbers = Eigen::Matrix<float, 8 + 6 * kPlates, 1>;
+using StateNumbers = Eigen::Matrix<float, 8 + kPoseDims, 1>;
 
 StateNumbers numbers_of(const FemState& state) {
   StateNumbers numbers;
@@ -46,7 +46,7 @@ StateNumbers numbers_of(const FemState& state) {
     numbers.segment<3>(7 + 6 * plate) = state.plates[plate].displacement_mm;
     numbers.segment<3>(10 + 6 * plate) = state.plates[plate].rotation_rad;
   }
-  numbers[7 + 6 * kPlates] = state.front_rms_mm;
+  numbers[7 + kPoseDims] = state.front_rms_mm;
   return numbers;
 }
 
@@ -58,7 +58,7 @@ FemState state_of(const StateNumbers& numbers) {
   for (int plate = 0; plate < kPlates; ++plate) {
     state.plates[plate] = {numbers.segment<3>(7 + 6 * plate), numbers.segment<3>(10 + 6 * plate)};
   }
-  state.front_rms_mm = std::max(numbers[7 + 6 * kPlates], 0.0f);
+  state.front_rms_mm = std::max(numbers[7 + kPoseDims], 0.0f);
   return state;
 }
 

@@ -213,7 +213,7 @@ int replayed_frames(const std::filesystem::path& session) {
   ReplaySettings replay;
   replay.path = session;
   replay.recorded_speed = false;
-  const auto camera = open_session_camera(replay);
+  const auto camera = open_session_camera(replay, read_session_info(replay.path));
   int frames = 0;
   for (Frame frame; camera->next(frame, 0); ++frames) {
     const std::vector<std::uint8_t> grey(frame.grey, frame.grey + frame.width_px * frame.height_px);

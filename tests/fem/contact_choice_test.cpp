@@ -7,12 +7,14 @@
 #include <utility>
 #include <vector>
 
+#include "firmware/types.h"
 #include "hostgen/util/random.h"
 
 using namespace finsight::host;
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using finsight::kPoseDims;
 
 namespace {
 

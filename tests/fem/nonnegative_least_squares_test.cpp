@@ -9,6 +9,7 @@ using namespace finsight::host;
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using finsight::kPoseDims;
 
 namespace {
 

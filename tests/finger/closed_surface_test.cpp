@@ -115,7 +115,7 @@ TEST_CASE("closed surface: everything that is not the surface of one solid is re
        {"faces inward but lies outside"}},
       {"pieces through each other",
        both(cube(), box_surface({20, 10, 10}, {40, 20, 20})),
-       {"triangles that others cut", "nowhere passes through itself"}},
+       {"triangles that others cut", "does not pass through itself"}},
       {"a corner pulled through the other side",
        changed([](auto& s) {
          s.point_mm[7] = {-5, 10, 12};
