@@ -46,8 +46,8 @@ void calibrate(const Options& options, const CharucoBoard& board) {
   check_writable(options.output, used);
   used.push_back(options.output);
   if (!options.plot.empty()) {
-    check_extension(options.plot, {".svg"});
     check_writable(options.plot, used);
+    check_extension(options.plot, {".svg"});
   }
   std::vector<BoardView> views = read_board_views(options.folder, board, options.every);
   reject_bad_views(board, views);
