@@ -126,8 +126,11 @@ struct Touch {
   Vec3f point_mm = Vec3f::Zero();    ///< the touched point of the undeformed front face
   Vec3f contact_mm = Vec3f::Zero();  ///< where that point is now: point plus its displacement
   float radius_68_mm = 0;            ///< 68 % of the errors of point_mm are smaller
-  float force_n = 0;
-  float force_sigma_n = 0;    ///< standard deviation of force_n
+  float force_n = 0;                 ///< normal to the face
+  float force_sigma_n = 0;           ///< standard deviation of force_n
+  Vec3f force_vector_n = Vec3f::Zero(), force_vector_sigma_n = Vec3f::Zero();  ///< normal, across, along the face
+  Vec3f wrench_force_n = Vec3f::Zero(), wrench_force_sigma_n = Vec3f::Zero();  ///< the same in the finger frame
+  Vec3f moment_nm = Vec3f::Zero(), moment_sigma_nm = Vec3f::Zero();  ///< of that force about the finger frame's origin
   float plate_motion_mm = 0;  ///< largest displacement of a plate: what decides whether a touch can be located
   bool over_range = false;    ///< the plates moved further than any trained touch moves them
   Quality quality = Quality::kInvalid;  ///< invalid below the model's threshold of plate motion and over range
@@ -135,7 +138,7 @@ struct Touch {
 
 /// What a Modbus client reads: 16-bit registers exactly as they go on the wire, and the time that their age counts
 /// from.
-inline constexpr int kMeasurementRegisters = 48;
+inline constexpr int kMeasurementRegisters = 81;
 inline constexpr int kProcessRegisters = 25;  ///< from 1110 on
 struct RegisterImage {
   std::array<std::uint16_t, kMeasurementRegisters> words{};

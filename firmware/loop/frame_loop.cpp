@@ -15,6 +15,7 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, cons
       touch_(model) {
   if (camera) observer_.emplace(settings.mount.value_or(model.mount), model.prior, *camera);
   state_.model_checksum = model.checksum;
+  state_.scene = scene_code(model.scene);
   state_.rated_deformation_mm = model.rated_deformation_mm;
   state_.settings = settings.runtime;
 }

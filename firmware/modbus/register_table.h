@@ -101,6 +101,13 @@ inline constexpr NamedValue kRecordingStates[] = {
     {3, "full", "the last recording ended at its greatest length or at the disk's reserve; it is complete"},
 };
 
+inline constexpr NamedValue kScenes[] = {
+    {0, "own", "a scene of the finger's own spec"},
+    {1, "probe", "one push at a point, without friction"},
+    {2, "grasp", "one contact with friction, at a point, over a patch or along a line"},
+    {3, "two", "two contacts such as those of grasp"},
+};
+
 inline constexpr NamedValue kAfterHoldCodes[] = {
     {0, "invalidate", "all values become invalid"},
     {1, "keep", "the last values stay, marked as held"},
@@ -180,6 +187,33 @@ inline constexpr RegisterRow kMeasurements[] = {
     row::bits(44, "limits", kLimitBits, "thresholds with hysteresis (settings 1010 to 1015)"),
     row::reserved(45, "reserved_45"),
     row::count(46, "test_constant_long", kUint32, "305419896 (16#12345678), to check the word order of 32-bit values"),
+    row::measured(48, "force_normal", kInt16, 0.01, "N", "contact force, into the finger, at right angles to the face at rest"),
+    row::measured(49, "force_across", kInt16, 0.01, "N", "contact force, across the finger (x)"),
+    row::measured(50, "force_along", kInt16, 0.01, "N", "contact force, along the face, away from the base"),
+    row::measured(51, "force_normal_uncertainty", kUint16, 0.01, "N", "standard deviation of register 48"),
+    row::measured(52, "force_across_uncertainty", kUint16, 0.01, "N", "standard deviation of register 49"),
+    row::measured(53, "force_along_uncertainty", kUint16, 0.01, "N", "standard deviation of register 50"),
+    row::measured(54, "wrench_force_x", kInt16, 0.01, "N", "contact force in the finger frame, x: with the moment, what a wrist sensor at the finger's base would read"),
+    row::measured(55, "wrench_force_y", kInt16, 0.01, "N", "contact force in the finger frame, y: with the moment, what a wrist sensor at the finger's base would read"),
+    row::measured(56, "wrench_force_z", kInt16, 0.01, "N", "contact force in the finger frame, z: with the moment, what a wrist sensor at the finger's base would read"),
+    row::measured(57, "wrench_moment_x", kInt16, 0.001, "Nm", "moment of the contact force about the finger frame's origin, x"),
+    row::measured(58, "wrench_moment_y", kInt16, 0.001, "Nm", "moment of the contact force about the finger frame's origin, y"),
+    row::measured(59, "wrench_moment_z", kInt16, 0.001, "Nm", "moment of the contact force about the finger frame's origin, z"),
+    row::measured(60, "wrench_force_x_uncertainty", kUint16, 0.01, "N", "standard deviation of register 54"),
+    row::measured(61, "wrench_force_y_uncertainty", kUint16, 0.01, "N", "standard deviation of register 55"),
+    row::measured(62, "wrench_force_z_uncertainty", kUint16, 0.01, "N", "standard deviation of register 56"),
+    row::measured(63, "wrench_moment_x_uncertainty", kUint16, 0.001, "Nm", "standard deviation of register 57"),
+    row::measured(64, "wrench_moment_y_uncertainty", kUint16, 0.001, "Nm", "standard deviation of register 58"),
+    row::measured(65, "wrench_moment_z_uncertainty", kUint16, 0.001, "Nm", "standard deviation of register 59"),
+    row::measured(66, "force_normal_float", kFloat32, 1, "N", "register 48 as a float"),
+    row::measured(68, "force_across_float", kFloat32, 1, "N", "register 49 as a float"),
+    row::measured(70, "force_along_float", kFloat32, 1, "N", "register 50 as a float"),
+    row::measured(72, "wrench_moment_x_float", kFloat32, 1, "Nm", "register 57 as a float"),
+    row::measured(74, "wrench_moment_y_float", kFloat32, 1, "Nm", "register 58 as a float"),
+    row::measured(76, "wrench_moment_z_float", kFloat32, 1, "Nm", "register 59 as a float"),
+    row::reserved(78, "reserved_78"),
+    row::reserved(79, "reserved_79"),
+    row::code(80, "scene", kScenes, "contacts that the model pack was trained for"),
 };
 
 inline constexpr RegisterRow kControl[] = {

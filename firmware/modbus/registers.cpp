@@ -87,6 +87,14 @@ void write_touch(BlockWriter& block, const Touch& touch) {
   block.measured(row_named("touch_x_float"), touch.point_mm, 1, valid);
   block.measured(row_named("force_float"), touch.force_n, valid);
   block.measured(row_named("contact_x"), touch.contact_mm, 1, valid);
+  block.measured(row_named("force_normal"), touch.force_vector_n, 1, valid);
+  block.measured(row_named("force_normal_uncertainty"), touch.force_vector_sigma_n, 1, valid);
+  block.measured(row_named("wrench_force_x"), touch.wrench_force_n, 1, valid);
+  block.measured(row_named("wrench_moment_x"), touch.moment_nm, 1, valid);
+  block.measured(row_named("wrench_force_x_uncertainty"), touch.wrench_force_sigma_n, 1, valid);
+  block.measured(row_named("wrench_moment_x_uncertainty"), touch.moment_sigma_nm, 1, valid);
+  block.measured(row_named("force_normal_float"), touch.force_vector_n, 1, valid);
+  block.measured(row_named("wrench_moment_x_float"), touch.moment_nm, 1, valid);
 }
 
 void write_shape(BlockWriter& block, const FingerShape& shape, double rated_deformation_mm) {
@@ -113,6 +121,13 @@ constexpr double kCountsPerN = 100;  // of settings 1010 and 1011
 bool is_reached(bool before, double value, std::uint16_t on, std::uint16_t off) { return value >= (before ? off : on); }
 
 }  // namespace
+
+std::uint16_t scene_code(const std::string& scene) {
+  for (const NamedValue& known : row_named("scene").values) {
+    if (scene == known.name) return static_cast<std::uint16_t>(known.value);
+  }
+  return value_named("scene", "own");
+}
 
 bool has_low_word_first(const RuntimeSettings& settings) {
   return settings[kWordOrder] == value_named("word_order", "CDAB");
@@ -156,6 +171,7 @@ void encode_registers(const PlatePoses& poses, const FingerShape& shape, const T
   block.count(row_named("frame_counter"), state.frame_counter);
   block.count(row_named("dropped_frames"), state.dropped_frames);
   block.count(row_named("model_checksum"), state.model_checksum);
+  block.count(row_named("scene"), state.scene);
   block.count(row_named("map_version"), kMapVersion);
   block.count(row_named("test_constant"), kTestConstant);
   block.count(row_named("test_constant_long"), kLongTestConstant);

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <limits>
+#include <string>
 
 #include "firmware/modbus/register_table.h"
 #include "firmware/types.h"
@@ -90,6 +91,9 @@ struct ProcessReadings {
   float lowpass_delay_ms = 0;
 };
 
+/// Register 80: the code of a pack's scene.
+std::uint16_t scene_code(const std::string& scene);
+
 /// What the registers show besides poses, shape and touch.
 struct LoopState {
   std::uint16_t heartbeat = 0;
@@ -102,6 +106,7 @@ struct LoopState {
   bool zeroed = false, settings_unsaved = false;
   ThresholdState limits;
   std::uint32_t model_checksum = 0;
+  std::uint16_t scene = 0;  ///< scene_code() of the model's
   float rated_deformation_mm = 1;
   RuntimeSettings settings;
 };

@@ -145,6 +145,7 @@ TouchModel read_touch(PackReader& pack) {
   touch.output_scale = pack.tensor<float>(tensor::kTouchOutputScale, {TouchModel::kOutputs});
   const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMaxKnots);
   touch.radius_curve = pack.tensor<float>(tensor::kTouchRadiusCurve, {knots, 3});
+  touch.face_axes = pack.tensor<float>(tensor::kTouchFaceAxes, {3, 3});
   std::int64_t inputs = TouchModel::kInputs;
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const bool last = i + 1 == touch.layers.size();
@@ -206,6 +207,16 @@ SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool with_con
 }
 
 /// Plate motions must rise; logarithms of factors and exponents must be within bounds.
+void check_face_axes(const SafetensorsFile& file, std::span<const float> numbers) {
+  constexpr float kTolerance = 1e-3F;
+  const Eigen::Map<const Eigen::Matrix3f> axes(numbers.data());
+  const float error = (axes.transpose() * axes - Eigen::Matrix3f::Identity()).cwiseAbs().maxCoeff();
+  if (error < kTolerance) return;
+  file.refuse(tensor::kTouchFaceAxes,
+              "directions that differ from perpendicular unit vectors by " + std::to_string(error),
+              "three perpendicular unit vectors");
+}
+
 void check_radius_curve(const SafetensorsFile& file, std::span<const float> curve) {
   check_range(file, tensor::kTouchRadiusCurve, curve, -kLargestKnot, kLargestKnot);
   for (std::size_t i = 3; i < curve.size(); i += 3) {
@@ -227,6 +238,7 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   positive(tensor::kTouchInputScale, model.touch.input_scale);
   positive(tensor::kTouchOutputScale, model.touch.output_scale);
   check_radius_curve(file, model.touch.radius_curve);
+  check_face_axes(file, model.touch.face_axes);
   for (std::size_t i = 0; i < model.touch.layers.size(); ++i) {
     check_range(file, tensor::kTouchWeightScale[i], model.touch.layers[i].scale, 0, kLargestScale);
   }
@@ -242,6 +254,7 @@ Model Model::open(const std::filesystem::path& path) {
   // Types, shapes and sizes: after this every span has the length that its comment states.
   PackReader pack(file);
   model.finger_name = pack.name(meta::kFinger);
+  model.scene = pack.name(meta::kScene);
   model.spec_sha256 = pack.sha256(meta::kSpecSha256);
   model.hostgen_version = pack.name(meta::kHostgenVersion);
   model.rated_deformation_mm = pack.number<float>(meta::kRatedDeformation, 0.1f, 200);

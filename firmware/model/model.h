@@ -58,10 +58,12 @@ struct DenseInt8 {
 };
 
 /// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, log of each plate's noise.
-/// Outputs: point x y z, its displacement x y z, force, log of the three point errors, log of the force error.
+/// Outputs: point x y z and its displacement x y z (mm), force (normal, across, along; N), its moment about the finger
+/// frame's origin x y z (N m); then the logarithms of the standard deviations of point, force and moment.
 struct TouchModel {
   static constexpr int kInputs = kPoseDims + 1 + kPlates;  // direction, size, noise
-  static constexpr int kOutputs = 11;
+  static constexpr int kMeans = 12;                        // point, displacement, force, moment
+  static constexpr int kOutputs = 21;   // the means, then a log-sigma each of point, force and moment
   std::span<const float> scale;         ///< [kPoseDims] mm or mm per rad, before taking the direction
   std::span<const float> input_mean;    ///< [kInputs]
   std::span<const float> input_scale;   ///< [kInputs] multiplies (input - mean)
@@ -70,9 +72,10 @@ struct TouchModel {
   /// [knots, 3] plate motion (mm, ascending), a, b: the radius at that motion is exp(a) times the network's to the b,
   /// linear in between, constant beyond.
   std::span<const float> radius_curve;
-  std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 256 -> 11, ReLU between
-  float threshold_mm = 0;           ///< plate motion below which a touch is invalid
-  float range_mm = 0;               ///< plate motion beyond any trained touch: over range, no touch
+  std::array<DenseInt8, 3> layers;   ///< 22 -> 512 -> 256 -> 21, ReLU between
+  std::span<const float> face_axes;  ///< [3, 3] unit vectors in the finger frame: the face's inward normal, across, along
+  float threshold_mm = 0;            ///< plate motion below which a touch is invalid
+  float range_mm = 0;                ///< plate motion beyond any trained touch: over range, no touch
 };
 
 /// Gaussian over the pose vectors of touched fingers: decides between the two poses of a marker and completes plates
@@ -109,7 +112,7 @@ class Model {
   /// before the first use. Throws InputError naming the tensor, what was found and what was expected.
   static Model open(const std::filesystem::path& file);
 
-  std::string finger_name, spec_sha256, hostgen_version;
+  std::string finger_name, scene, spec_sha256, hostgen_version;
   std::uint32_t checksum = 0;  ///< header_checksum() of the pack; changes with any byte of it; also in the registers
   float rated_deformation_mm = 0;
   MountModel mount;
@@ -151,6 +154,7 @@ inline constexpr const char* kTouchInputScale = "touch.input_scale";
 inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
 inline constexpr const char* kTouchRadiusCurve = "touch.radius_curve";
+inline constexpr const char* kTouchFaceAxes = "touch.face_axes";  // [3, 3]
 inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
 inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1",
                                                      "touch.weight_scale2"};
@@ -172,8 +176,9 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "1";
+inline constexpr const char* kFormatVersion = "2";
 inline constexpr const char* kFinger = "finger";
+inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";
 inline constexpr const char* kHostgenVersion = "hostgen_version";
 inline constexpr const char* kNodes = "nodes";

@@ -64,6 +64,26 @@ bool TouchStage::is_on_face(const Touch& touch) const {
   return touch.radius_68_mm < learnt_mm.norm() && face_mm_.exteriorDistance(touch.point_mm) <= 2 * touch.radius_68_mm;
 }
 
+// The wrench's force is the same vector in the base's frame. Its components' errors are taken as independent there,
+// too.
+void TouchStage::read_forces(std::span<const float, TouchModel::kOutputs> outputs, Touch& touch) const {
+  const auto exp_of = [&](std::size_t i) { return exp_float(outputs[i]); };
+  constexpr std::size_t kForce = 6, kMoment = 9, kForceSigma = TouchModel::kMeans + 3, kMomentSigma = kForceSigma + 3;
+  for (int i = 0; i < 3; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    touch.force_vector_n[i] = outputs[kForce + k];
+    touch.force_vector_sigma_n[i] = exp_of(kForceSigma + k);
+    touch.moment_nm[i] = outputs[kMoment + k];
+    touch.moment_sigma_nm[i] = exp_of(kMomentSigma + k);
+  }
+  touch.force_vector_n[0] = std::max(touch.force_vector_n[0], 0.0f);  // objects push; they do not pull
+  touch.force_n = touch.force_vector_n[0];
+  touch.force_sigma_n = touch.force_vector_sigma_n[0];
+  const Eigen::Map<const Eigen::Matrix3f> axes(model_.face_axes.data());  // columns: normal, across, along
+  touch.wrench_force_n = axes * touch.force_vector_n;
+  touch.wrench_force_sigma_n = (axes.cwiseAbs2() * touch.force_vector_sigma_n.cwiseAbs2()).cwiseSqrt();
+}
+
 Touch TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion, float plate_motion_mm,
                               float shaken_mm) {
   std::array<float, TouchModel::kInputs> inputs;
@@ -80,17 +100,18 @@ Touch TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion,
   touch.plate_motion_mm = plate_motion_mm;
   touch.point_mm = Vec3f(outputs[0], outputs[1], outputs[2]);
   touch.contact_mm = touch.point_mm + Vec3f(outputs[3], outputs[4], outputs[5]);
-  touch.force_n = std::max(outputs[6], 0.0f);
-  const Vec3f sigma_mm(exp_float(outputs[7]), exp_float(outputs[8]), exp_float(outputs[9]));
+  read_forces(outputs, touch);
+  const float* log_sigma = &outputs[TouchModel::kMeans];
+  const Vec3f sigma_mm(exp_float(log_sigma[0]), exp_float(log_sigma[1]), exp_float(log_sigma[2]));
   touch.radius_68_mm = calibrated_radius_mm(model_.radius_curve, plate_motion_mm, sigma_mm.norm());
   if (shaken_mm > 0) {
     const float shift_mm = kShiftPerShake * shaken_mm;
     touch.radius_68_mm = std::sqrt(touch.radius_68_mm * touch.radius_68_mm + shift_mm * shift_mm);
   }
-  touch.force_sigma_n = exp_float(outputs[10]);
   // Motions far beyond those of any finger overflow somewhere in the network.
-  const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(outputs[6]) &&
-                      std::isfinite(touch.radius_68_mm) && std::isfinite(touch.force_sigma_n);
+  const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(touch.radius_68_mm) &&
+                      touch.force_vector_n.allFinite() && touch.force_vector_sigma_n.allFinite() &&
+                      touch.moment_nm.allFinite() && touch.moment_sigma_nm.allFinite();
   if (finite && is_on_face(touch)) touch.quality = Quality::kFresh;
   return touch;
 }

@@ -33,6 +33,7 @@ class TouchStage {
 
  private:
   Touch run_network(const PlatePoses& poses, const PoseVector& motion, float plate_motion_mm, float shaken_mm);
+  void read_forces(std::span<const float, TouchModel::kOutputs> outputs, Touch& touch) const;
   bool is_on_face(const Touch& touch) const;
 
   TouchModel model_;

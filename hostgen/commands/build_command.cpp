@@ -11,6 +11,7 @@
 #include "hostgen/commands/commands.h"
 #include "hostgen/fem/shape_model.h"
 #include "hostgen/finger/mount.h"
+#include "hostgen/learn/scene_touches.h"
 #include "hostgen/learn/shape_map_training.h"
 #include "hostgen/learn/shape_truth.h"
 #include "hostgen/learn/touch_training.h"
@@ -25,7 +26,7 @@ namespace {
 
 struct Options {
   std::filesystem::path spec, output, dataset, save_dataset;
-  std::string profile = "quick";
+  std::string profile = "quick", scene;
   int points = 0, forces = 0, training_steps = 0;  // 0: the profile's
   std::uint64_t seed = 1;
 };
@@ -39,8 +40,9 @@ const std::map<std::string, Profile> kProfiles = {
     {"full", {{.points = 570, .forces = 21}, 50000}},
 };
 
-Profile chosen_profile(const Options& options) {
+Profile chosen_profile(const FingerSpec& spec, const Options& options) {
   Profile profile = kProfiles.at(options.profile);
+  profile.dataset.scene = spec.scene(options.scene.empty() ? spec.trained_scene : options.scene).name;
   if (options.points) profile.dataset.points = options.points;
   if (options.forces) profile.dataset.forces = options.forces;
   if (options.training_steps) profile.training_steps = options.training_steps;
@@ -50,15 +52,19 @@ Profile chosen_profile(const Options& options) {
 /// Everything that a pack views, while it is being made.
 struct Parts {
   FingerSpec spec;
+  std::string scene;
   ShapeModelData shape;
   PlatePriorData prior;
   TouchTraining touch;
   ShapeMapData map, contact_map;
+  std::unique_ptr<const PushedFinger> finger;  ///< where the scene needs them
+  std::unique_ptr<const LinearResponse> response;
 };
 
 PackViews views_of(const Parts& parts, const Options& options) {
   PackViews views;
   views.finger_name = parts.spec.name;
+  views.scene = parts.scene;
   views.spec_sha256 = parts.spec.sha256;
   views.hostgen_version = FINSIGHT_VERSION;
   views.rated_deformation_mm = static_cast<float>(parts.spec.rated_deformation_mm);
@@ -152,10 +158,20 @@ void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
   }
 }
 
+/// One frictionless push at a point is what a StateInterpolant can tell from neighbouring states. Other scenes have
+/// more to vary than neighbours can cover.
+TouchSource training_touches(Parts& parts, const TetMesh& mesh, const DatasetPlan& plan) {
+  const Scene& scene = parts.spec.scene(plan.scene);
+  if (scene.friction == 0 && scene.patch_radius_mm == 0 && scene.line_share == 0 && scene.contacts == 1) return {};
+  parts.finger = std::make_unique<const PushedFinger>(parts.spec, mesh);
+  parts.response = std::make_unique<const LinearResponse>(*parts.finger);
+  return touches_around_states(*parts.finger, *parts.response, plan);
+}
+
 void run(const Options& options) {
-  const Profile profile = chosen_profile(options);
   Parts parts;
   parts.spec = read_finger_spec(options.spec);
+  const Profile profile = chosen_profile(parts.spec, options);
   std::vector<std::filesystem::path> used = {parts.spec.file, parts.spec.surface_file, options.dataset};
   check_writable(options.output, used);
   used.push_back(options.output);
@@ -183,10 +199,12 @@ void run(const Options& options) {
   std::printf("%s\n", deformation_text(figures.deformation, figures.rated_deformation_mm).c_str());
 
   if (!options.save_dataset.empty()) write_dataset(options.save_dataset, dataset);
+  parts.scene = dataset.plan.scene;
 
   Stopwatch training_time;
   parts.prior = fit_plate_prior(dataset, parts.spec.noise);
-  parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps});
+  parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps},
+                            training_touches(parts, mesh, dataset.plan));
   figures.training_seconds = training_time.lap_s();
   figures.touch = &parts.touch;
   std::printf("%s", parts.touch.log.c_str());
@@ -209,6 +227,9 @@ void add_build_command(CLI::App& app) {
   command->add_option("--profile", options->profile, "quick: a few minutes; full: the paper's 570 points x 21 forces")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();
+  command->add_option("--scene", options->scene,
+                      "which contacts to train for: probe, grasp, two or another of the spec's "
+                      "scenes (default: the one that the spec's touch.scene names)");
   command->add_option("--dataset", options->dataset,
                       "states made earlier by hostgen dataset or merge, instead of the profile's; without it they are "
                       "computed, and an interrupted run continues from OUTPUT.paths");

@@ -15,7 +15,7 @@ namespace {
 
 struct Options {
   std::filesystem::path spec, output;
-  std::string shard;
+  std::string shard, scene;
   DatasetPlan plan;
 };
 
@@ -43,8 +43,10 @@ void run(const Options& options) {
   }
   check_writable(options.output, {spec.file, spec.surface_file});
   const std::filesystem::path resume = options.output.string() + ".paths";
+  DatasetPlan plan = options.plan;
+  plan.scene = spec.scene(options.scene.empty() ? spec.trained_scene : options.scene).name;
   const TetMesh mesh = make_mesh(spec);
-  const FemDataset dataset = make_dataset(spec, mesh, options.plan, shard, resume);
+  const FemDataset dataset = make_dataset(spec, mesh, plan, shard, resume);
   write_dataset(options.output, dataset);
   std::filesystem::remove_all(resume);
   print_summary(options.output, dataset);
@@ -72,6 +74,9 @@ void add_dataset_command(CLI::App& app) {
   command->add_option("--forces", options->plan.forces, "forces per point, over the spec's range")
       ->check(CLI::Range(1, 200))
       ->capture_default_str();
+  command->add_option("--scene", options->scene,
+                      "which contacts: probe, grasp, two or another of the spec's scenes "
+                      "(default: the one that the spec's touch.scene names)");
   command->add_option("--shard", options->shard,
                       "i/n: only the i-th of n equal parts; hostgen merge puts them together");
   command->callback([options] { run(*options); });

@@ -77,7 +77,8 @@ bool calculix_present() {
   return false;
 }
 
-std::string calculix_deck(const FingerSpec& spec, const QuadraticMesh& mesh, const LoadCase& load) {
+std::string calculix_deck(const PushedFinger& finger, std::span<const double> force_n) {
+  const QuadraticMesh& mesh = finger.mesh;
   std::ostringstream out;
   out.precision(13);  // CalculiX reads twenty characters of a number, and refuses a node or a load with more
   out << "*NODE, NSET=ALL\n";
@@ -85,7 +86,7 @@ std::string calculix_deck(const FingerSpec& spec, const QuadraticMesh& mesh, con
     const Eigen::Vector3d& at = mesh.node_mm[i];
     out << i + 1 << ", " << at.x() << ", " << at.y() << ", " << at.z() << "\n";
   }
-  write_materials(spec, mesh, out);
+  write_materials(finger.spec, mesh, out);
   out << "*BOUNDARY\n";
   for (std::size_t i = 0; i < nodes_of(mesh); ++i) {
     if (mesh.fixed[i]) out << i + 1 << ", 1, 3\n";
@@ -95,11 +96,12 @@ std::string calculix_deck(const FingerSpec& spec, const QuadraticMesh& mesh, con
          "*CONTROLS, PARAMETERS=FIELD\n1e-9, 1e-9, , , 1e-9\n"
          "*CONTROLS, PARAMETERS=TIME INCREMENTATION\n10, 20, 21, 30, 25, 4, , 5\n"
          "*CLOAD\n";
-  const FacePoint at = face_point(mesh, load.point_mm.x(), load.point_mm.y());
-  for (std::size_t i = 0; i < at.node.size(); ++i) {
-    if (at.weight[i] == 0) continue;
-    for (int k = 0; k < 3; ++k) {
-      out << at.node[i] + 1 << ", " << k + 1 << ", " << load.force_n * at.weight[i] * at.inward[k] << "\n";
+  for (std::size_t i = 0; i < nodes_of(mesh); ++i) {
+    const int unknown = finger.body.unknown_of_node()[i];
+    if (unknown == finger.body.free_nodes()) continue;  // the base carries it at once
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double part_n = force_n[3 * static_cast<std::size_t>(unknown) + k];
+      if (part_n != 0) out << i + 1 << ", " << k + 1 << ", " << part_n << "\n";
     }
   }
   out << "*NODE PRINT, NSET=ALL\nU\n*END STEP\n";
@@ -108,15 +110,15 @@ std::string calculix_deck(const FingerSpec& spec, const QuadraticMesh& mesh, con
 
 CalculixComparison compare_with_calculix(const FingerSpec& spec, const TetMesh& mesh, Element element,
                                          const LoadCase& load) {
-  const QuadraticMesh quadratic = make_quadratic(mesh, element);
+  const auto shared = std::make_shared<const PushedFinger>(spec, mesh, element);
+  FingerStatics finger(shared);
+  finger.begin(load.contacts);
+  if (!finger.press(load.force_n)) throw std::runtime_error("no equilibrium of a load that CalculiX is to solve");
   const TemporaryFolder folder;
-  write_file_atomically(folder.path() / "finger.inp", calculix_deck(spec, quadratic, load));
+  write_file_atomically(folder.path() / "finger.inp", calculix_deck(*shared, finger.nodal_forces()));
   run_program({"ccx", "-i", "finger"}, folder.path(), kTimeLimit, "calculix-ccx");
-  const std::vector<double> theirs = read_displacements(folder.path() / "finger.dat", nodes_of(quadratic));
+  const std::vector<double> theirs = read_displacements(folder.path() / "finger.dat", nodes_of(shared->mesh));
 
-  FingerStatics finger(std::make_shared<const PushedFinger>(spec, mesh, element));
-  if (!finger.load(load.point_mm, load.force_n))
-    throw std::runtime_error("no equilibrium of a load that CalculiX solved");
   const std::vector<double> ours = finger.quadratic_displacement_mm();
   CalculixComparison result;
   for (std::size_t i = 0; i < theirs.size(); i += 3) {

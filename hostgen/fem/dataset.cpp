@@ -5,6 +5,7 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/fem/dataset_file.h"
+#include "hostgen/fem/scene_contacts.h"
 #include "hostgen/fem/statics.h"
 #include "hostgen/util/common.h"
 
@@ -38,18 +39,19 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
 
 // A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
 // state that was found; so do the higher forces of its path, which are not tried.
-void walk_path(FingerStatics& statics, const TetMesh& mesh, const Vec3f& point_mm, std::int32_t index,
-               const std::array<double, 2>& range_n, FemDataset& path) {
-  statics.reset();
+void walk_path(FingerStatics& statics, const LinearResponse& response, const FingerSpec& spec, const TetMesh& mesh,
+               std::int32_t index, FemDataset& path) {
+  const std::array<double, 2>& range_n = spec.force_n;
+  statics.begin(path_contacts(spec, path.plan, index));
   Outcome outcome = Outcome::kEquilibrium;
   for (int k = 0; k < path.plan.forces; ++k) {
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
-    if (outcome == Outcome::kEquilibrium && !statics.load(point_mm, force_n)) outcome = Outcome::kNoEquilibrium;
+    if (outcome == Outcome::kEquilibrium && !statics.press(force_n)) outcome = Outcome::kNoEquilibrium;
     FemState state = statics.state();
+    state.linear = statics.linear(response).cast<float>();
     if (outcome == Outcome::kEquilibrium) outcome = state.outcome;
     state.path = index;
-    state.front_node = nearest_front_node(mesh, point_mm);
-    state.point_mm = point_mm;
+    state.front_node = nearest_front_node(mesh, state.point_mm);
     state.force_n = static_cast<float>(force_n);
     state.outcome = outcome;
     path.states.push_back(state);
@@ -66,6 +68,12 @@ std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t
 
 }  // namespace
 
+std::vector<FaceContact> path_contacts(const FingerSpec& spec, const DatasetPlan& plan, std::int32_t path) {
+  const Vec3f place = touch_points(spec, plan.points).at(static_cast<std::size_t>(path));
+  Random random(static_cast<std::uint64_t>(path));
+  return draw_contacts(spec, spec.scene(plan.scene), place.head<2>().cast<double>(), random);
+}
+
 std::size_t FemDataset::count(Outcome outcome) const {
   return static_cast<std::size_t>(
       std::count_if(states.begin(), states.end(), [=](const FemState& state) { return state.outcome == outcome; }));
@@ -73,12 +81,12 @@ std::size_t FemDataset::count(Outcome outcome) const {
 
 FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan, const Shard& shard,
                         const std::filesystem::path& resume) {
-  const std::vector<Vec3f> points = touch_points(spec, plan.points);
   const FemDataset empty = empty_set(spec, mesh, plan);
   std::vector<std::size_t> indices;
   const auto first = static_cast<std::size_t>(shard.index), stride = static_cast<std::size_t>(shard.count);
-  for (std::size_t i = first; i < points.size(); i += stride) indices.push_back(i);
+  for (std::size_t i = first; i < static_cast<std::size_t>(plan.points); i += stride) indices.push_back(i);
   const auto finger = std::make_shared<const PushedFinger>(spec, mesh);
+  const LinearResponse response(*finger);
   std::vector<FemDataset> paths(indices.size(), empty);
   {
     Progress progress("finite-element load paths", indices.size());
@@ -101,7 +109,7 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
           statics = std::make_unique<FingerStatics>(finger);
           owner = finger;
         }
-        walk_path(*statics, mesh, points[i], static_cast<std::int32_t>(i), spec.force_n, paths[slot]);
+        walk_path(*statics, response, spec, mesh, static_cast<std::int32_t>(i), paths[slot]);
         if (!resume.empty()) write_dataset(file, paths[slot]);
       }
       progress.advance();

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "hostgen/fem/contact.h"
 #include "hostgen/finger/mesh.h"
 
 namespace finsight::host {
@@ -17,14 +18,18 @@ enum class Outcome : std::uint8_t {
   kNoEquilibrium = 2,  ///< the finger snaps through or buckles: no equilibrium that the state before leads to
 };
 
-/// One equilibrium: the finger touched at one point with one force.
+/// One equilibrium of the touched finger.
 struct FemState {
-  std::int32_t path = 0;             ///< index of the touched point; the group key for honest splits
-  std::int32_t front_node = 0;       ///< mesh node nearest to the touched point
-  float force_n = 0;                 ///< along the inward normal of the undeformed front face
-  Vec3f point_mm = Vec3f::Zero();    ///< touched point at rest
-  Vec3f contact_mm = Vec3f::Zero();  ///< and where it is now
+  std::int32_t path = 0;                 ///< index of the touched point; the group key for honest splits
+  std::int32_t front_node = 0;           ///< mesh node nearest to the touched point
+  float force_n = 0;                     ///< sum of the normal forces
+  Vec3f point_mm = Vec3f::Zero();        ///< touched point (centre of pressure) at rest
+  Vec3f contact_mm = Vec3f::Zero();      ///< and where it is now
+  Vec3f force_vector_n = Vec3f::Zero();  ///< total force: normal, across, along (face_axes at the point)
+  Vec3f moment_nmm = Vec3f::Zero();      ///< of all forces about the finger frame's origin
+  float spread_mm = 0;                   ///< RMS distance of the pressure from its centre
   std::array<PlateMotion, kPlates> plates;
+  PoseVector linear = PoseVector::Zero();  ///< what the plates would do if the finger answered linearly to this load
   float front_rms_mm = 0;  ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
   Outcome outcome =
       Outcome::kEquilibrium;  ///< after a failure the path's higher forces are not tried and carry the same outcome
@@ -33,9 +38,13 @@ struct FemState {
 
 /// Which loads make a set, and on which mesh. Sets of the same plan are parts of one and can be merged.
 struct DatasetPlan {
-  int points = 60;  ///< touched points, spread evenly over the front face
-  int forces = 7;   ///< evenly spaced over the spec's range of forces
+  int points = 60;              ///< touched points, spread evenly over the front face: one path of forces each
+  int forces = 7;               ///< evenly spaced over the spec's range of forces
+  std::string scene = "probe";  ///< of the spec: what touches there
 };
+
+/// The contacts of a path. The same arguments give the same contacts.
+std::vector<FaceContact> path_contacts(const FingerSpec& spec, const DatasetPlan& plan, std::int32_t path);
 
 /// States of some or all paths of a plan.
 struct FemDataset {

@@ -13,8 +13,10 @@ namespace finsight::host {
 namespace {
 
 constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
-constexpr std::size_t kStateNumbers = 1 + 3 + 3 + kPoseDims;  // force, point, contact, plates
-constexpr const char* kFormat = "2";
+// Force, point, contact, force vector, moment, spread, plates, linear response.
+constexpr std::size_t kStateNumbers = 1 + 3 + 3 + 3 + 3 + 1 + 2 * kPoseDims;
+constexpr std::size_t kPlateNumbers = kStateNumbers - 2 * kPoseDims;  // where those of the plates begin
+constexpr const char* kFormat = "3";
 
 int count_in(const SafetensorsFile& in, const std::string& key) {
   const std::string& text = in.metadata(key);
@@ -47,10 +49,14 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
     numbers.push_back(state.force_n);
     append(state.point_mm);
     append(state.contact_mm);
+    append(state.force_vector_n);
+    append(state.moment_nmm);
+    numbers.push_back(state.spread_mm);
     for (const PlateMotion& plate : state.plates) {
       append(plate.displacement_mm);
       append(plate.rotation_rad);
     }
+    numbers.insert(numbers.end(), state.linear.begin(), state.linear.end());
     labels.insert(labels.end(), {state.path, state.front_node});
     valid.push_back(state.valid());
     outcome.push_back(static_cast<std::uint8_t>(state.outcome));
@@ -63,7 +69,10 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
       {"points", std::to_string(dataset.plan.points)},
       {"forces", std::to_string(dataset.plan.forces)},
       {"outcomes", "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling)"},
-      {"columns", "force_n, point_mm xyz, contact_mm xyz, top/middle/low displacement_mm xyz rotation_rad xyz"}};
+      {"scene", dataset.plan.scene},
+      {"columns",
+       "force_n, point_mm xyz, contact_mm xyz, force_vector_n xyz, moment_nmm xyz, spread_mm, top/middle/low "
+       "displacement_mm xyz rotation_rad xyz, the same of the linear response"}};
   out.add("states", {count, kStateNumbers}, numbers);
   out.add("path_and_front_node", {count, 2}, labels);
   out.add("valid", {count}, valid);
@@ -88,7 +97,7 @@ FemDataset read_dataset(const std::filesystem::path& file) {
                      .states = {},
                      .node_displacement_mm = {displacement.begin(), displacement.end()},
                      .mesh_nodes = static_cast<std::size_t>(in.shape("node_displacement_mm")[1]),
-                     .plan = {count_in(in, "points"), count_in(in, "forces")},
+                     .plan = {count_in(in, "points"), count_in(in, "forces"), in.metadata("scene")},
                      .mesh_sha256 = in.metadata("mesh_sha256")};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     const float* row = &numbers[kStateNumbers * i];
@@ -104,10 +113,15 @@ FemDataset read_dataset(const std::filesystem::path& file) {
                    .force_n = row[0],
                    .point_mm = Eigen::Map<const Vec3f>(row + 1),
                    .contact_mm = Eigen::Map<const Vec3f>(row + 4),
+                   .force_vector_n = Eigen::Map<const Vec3f>(row + 7),
+                   .moment_nmm = Eigen::Map<const Vec3f>(row + 10),
+                   .spread_mm = row[13],
                    .plates = {},
+                   .linear = Eigen::Map<const PoseVector>(row + kPlateNumbers + kPoseDims),
                    .outcome = static_cast<Outcome>(outcome[i])};
     for (std::size_t p = 0; p < kPlates; ++p) {
-      state.plates[p] = {Eigen::Map<const Vec3f>(row + 7 + 6 * p), Eigen::Map<const Vec3f>(row + 10 + 6 * p)};
+      state.plates[p] = {Eigen::Map<const Vec3f>(row + kPlateNumbers + 6 * p),
+                         Eigen::Map<const Vec3f>(row + kPlateNumbers + 3 + 6 * p)};
     }
     dataset.states.push_back(state);
     const std::size_t first = i - i % static_cast<std::size_t>(dataset.plan.forces);
@@ -133,6 +147,7 @@ void check_same_plan(const FemDataset& expected, const FemDataset& found, const 
   };
   check("spec_sha256", found.spec_sha256, expected.spec_sha256);
   check("mesh_sha256", found.mesh_sha256, expected.mesh_sha256);
+  check("scene", found.plan.scene, expected.plan.scene);
   check("points", std::to_string(found.plan.points), std::to_string(expected.plan.points));
   check("forces", std::to_string(found.plan.forces), std::to_string(expected.plan.forces));
 }

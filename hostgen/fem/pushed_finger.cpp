@@ -10,25 +10,24 @@ namespace finsight::host {
 
 namespace {
 
-/// The rigid motion nearest to the displacements of a plate's nodes (least squares; Kabsch 1976), about `centre`.
-PlateMotion rigid_fit(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now,
-                      const Eigen::Vector3d& centre) {
-  Eigen::Vector3d rest_mean = Eigen::Vector3d::Zero(), now_mean = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < rest.size(); ++i) {
-    rest_mean += rest[i] / static_cast<double>(rest.size());
-    now_mean += now[i] / static_cast<double>(rest.size());
-  }
+Eigen::Vector3d mean(const std::vector<Eigen::Vector3d>& points) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& point : points) sum += point / static_cast<double>(points.size());
+  return sum;
+}
+
+}  // namespace
+
+Eigen::Matrix3d rigid_rotation(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now) {
+  const Eigen::Vector3d rest_mean = mean(rest), now_mean = mean(now);
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < rest.size(); ++i) {
     covariance += (now[i] - now_mean) * (rest[i] - rest_mean).transpose();
   }
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
-  const Eigen::Matrix3d R = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
-  return {(now_mean + R * (centre - rest_mean) - centre).cast<float>(), so3_log(R).cast<float>()};
+  const Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
 }
-
-}  // namespace
 
 std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<int>& region) {
   std::vector<NeoHookean> material;
@@ -54,11 +53,11 @@ Eigen::Vector2d PushedFinger::inside(const Eigen::Vector2d& place_mm) const {
   return {std::clamp(place_mm.x(), -half, half), y};
 }
 
-void PushedFinger::add_push(const FacePoint& at, double force_n, BodyVector& load) const {
+void PushedFinger::add_force(const FacePoint& at, const Eigen::Vector3d& force_n, BodyVector& load) const {
   for (std::size_t i = 0; i < at.node.size(); ++i) {
     const int unknown = body.unknown_of_node()[static_cast<std::size_t>(at.node[i])];
     if (unknown == body.free_nodes()) continue;  // carried by the base at once
-    Eigen::Map<Eigen::Vector3d>(&load[3 * static_cast<std::size_t>(unknown)]) += force_n * at.weight[i] * at.inward;
+    Eigen::Map<Eigen::Vector3d>(&load[3 * static_cast<std::size_t>(unknown)]) += at.weight[i] * force_n;
   }
 }
 
@@ -97,7 +96,9 @@ PlatePoses PushedFinger::plates(const ElasticState& state) const {
       at_rest.push_back(mesh.node_mm[static_cast<std::size_t>(node)]);
       now.push_back(at_rest.back() + displacement(state, node));
     }
-    result.plates[i] = rigid_fit(at_rest, now, spec.plates[i].T_finger_marker.translation());
+    const Eigen::Vector3d centre = spec.plates[i].T_finger_marker.translation();
+    const Eigen::Matrix3d R = rigid_rotation(at_rest, now);
+    result.plates[i] = {(mean(now) + R * (centre - mean(at_rest)) - centre).cast<float>(), so3_log(R).cast<float>()};
     result.seen[i] = true;
   }
   result.quality = Quality::kFresh;

@@ -18,6 +18,9 @@ struct FaceForce {
 /// Per tet of the mesh: the finger's material, stiffened in the plates.
 std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<int>& region);
 
+/// The rotation nearest to what moves the points `rest` to `now`, whatever else they do (least squares; Kabsch 1976).
+Eigen::Matrix3d rigid_rotation(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now);
+
 /// What all states of one finger share: mesh, material, symbolic factorisation. Constant after construction: one
 /// serves all threads.
 class PushedFinger {
@@ -39,7 +42,11 @@ class PushedFinger {
   Eigen::Vector2d inside(const Eigen::Vector2d& place_mm) const;
 
   BodyVector zero() const { return BodyVector(body.vector_size()); }
-  void add_push(const FacePoint& at, double force_n, BodyVector& load) const;
+  void add_push(const FacePoint& at, double force_n, BodyVector& load) const {
+    add_force(at, force_n * at.inward, load);
+  }
+  /// A force of any direction, in the finger frame.
+  void add_force(const FacePoint& at, const Eigen::Vector3d& force_n, BodyVector& load) const;
   /// Equilibrium under `load`, from rest, in ever more even steps. False if there is none.
   bool press(Equilibrium& solver, const BodyVector& load, ElasticState& answer) const;
 

@@ -1,7 +1,10 @@
 #include "hostgen/fem/statics.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
+#include <functional>
+#include <optional>
 
 namespace finsight::host {
 namespace {
@@ -12,6 +15,8 @@ constexpr double kLongestPush_mm = 20;
 constexpr std::size_t kHistory = 6;
 // A step that fails is halved, at most this often.
 constexpr int kHalvings = 7;
+// Solves of one step with a load that turns with the face.
+constexpr int kMaxTurns = 4;
 // A finger whose compliance grows by this factor from one step to the next has jumped.
 constexpr double kJump = 8;
 
@@ -29,9 +34,12 @@ void add(const ElasticState& from, double weight, ElasticState& to) {
 
 }  // namespace
 
-/// The loads between two touches: base + s direction. While the touched point stays, base is zero and s is the force,
-/// so that the states of a whole path lie on one line and can be extrapolated.
+/// Loads lie on curves: load(s). While the touched place stays, s is the force, so that the states of a whole path lie
+/// on one curve and can be extrapolated.
 struct FingerStatics::Solver {
+  using BodyVector = PushedFinger::BodyVector;
+  /// Sets the load at `s`; `guess` is the state that is expected there.
+  using LoadCurve = std::function<void(double s, const ElasticState& guess, BodyVector& load)>;
   struct Station {
     double s = 0;
     ElasticState state;
@@ -44,7 +52,9 @@ struct FingerStatics::Solver {
 
   void reset() {
     place = FacePoint{};
+    contacts.reset();
     force_n = 0;
+    present_load = finger->zero();
     compliance = 0;
     history.assign(1, Station{0, finger->rest});
   }
@@ -52,14 +62,17 @@ struct FingerStatics::Solver {
   const ElasticState& state() const { return history.back().state; }
 
   bool go(const FacePoint& target, double target_force_n);
+  bool press(double target_force_n);
   void extrapolate(double s);
-  bool step_to(double s, const std::vector<double>& base, const std::vector<double>& direction);
-  bool walk(double from, double to, const std::vector<double>& base, const std::vector<double>& direction);
+  bool step_to(double s, const LoadCurve& curve);
+  bool walk(double from, double to, const LoadCurve& curve);
 
   std::shared_ptr<const PushedFinger> finger;
   Equilibrium equilibrium;
   FacePoint place;  ///< where the force of `force_n` is applied now
   double force_n = 0;
+  std::optional<ContactLoad> contacts;  ///< instead of the place, after begin()
+  BodyVector present_load;
   double compliance = 0;         ///< distance of the last two states over the distance of their loads; 0: unknown
   std::vector<Station> history;  ///< the latest states of the present line of loads; the last is the present one
   ElasticState trial;
@@ -81,32 +94,29 @@ void FingerStatics::Solver::extrapolate(double s) {
   }
 }
 
-bool FingerStatics::Solver::step_to(double s, const std::vector<double>& base, const std::vector<double>& direction) {
-  std::vector<double> load(base);
-  double direction_size = 0;
-  for (std::size_t i = 0; i < load.size(); ++i) {
-    load[i] += s * direction[i];
-    direction_size += direction[i] * direction[i];
-  }
+bool FingerStatics::Solver::step_to(double s, const LoadCurve& curve) {
   extrapolate(s);
-  if (!equilibrium.solve(load, trial)) return false;
-  const Station& last = history.back();
-  const double new_compliance = distance(trial.u, last.state.u) / (std::abs(s - last.s) * std::sqrt(direction_size));
+  BodyVector load = finger->zero();
+  for (int turns = 0; turns == 0 || (turns < kMaxTurns && contacts && contacts->has_turned(trial)); ++turns) {
+    curve(s, trial, load);
+    if (!equilibrium.solve(load, trial)) return false;
+  }
+  const double new_compliance = distance(trial.u, history.back().state.u) / distance(load, present_load);
   if (compliance > 0 && new_compliance > kJump * compliance) return false;
   compliance = new_compliance;
+  present_load = std::move(load);
   if (history.size() == kHistory) history.erase(history.begin());
   history.push_back({s, trial});
   return true;
 }
 
-bool FingerStatics::Solver::walk(double from, double to, const std::vector<double>& base,
-                                 const std::vector<double>& direction) {
+bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve) {
   double at = from, step = to - from;
   const double shortest = std::abs(step) / (1 << kHalvings);
   while (at != to) {
     // A remainder shorter than half a step is merged into this one.
     const double next = std::abs(to - at) < 1.5 * std::abs(step) ? to : at + step;
-    if (step_to(next, base, direction)) {
+    if (step_to(next, curve)) {
       at = next;
       step *= 2;
       continue;
@@ -118,9 +128,30 @@ bool FingerStatics::Solver::walk(double from, double to, const std::vector<doubl
   return true;
 }
 
+// The load of the present force, as it was directed when that was reached, is what a failed walk goes back to.
+bool FingerStatics::Solver::press(double target_force_n) {
+  const std::vector<Station> history_before = history;
+  const double compliance_before = compliance;
+  const BodyVector load_before = present_load;
+  const ContactLoad contacts_before = *contacts;
+  const LoadCurve curve = [&](double s, const ElasticState& guess, BodyVector& load) {
+    contacts->forces(s, guess, load);
+  };
+  if (!walk(force_n, target_force_n, curve)) {
+    history = history_before;
+    compliance = compliance_before;
+    present_load = load_before;
+    contacts.emplace(contacts_before);
+    return false;
+  }
+  force_n = target_force_n;
+  return true;
+}
+
 bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
   const std::vector<Station> history_before = history;
   const double compliance_before = compliance;
+  const BodyVector load_before = present_load;
   const bool same_place = force_n == 0 || (place.node == target.node && place.weight == target.weight);
   std::vector<double> base = finger->zero(), direction = finger->zero();
   finger->add_push(target, 1, direction);
@@ -136,9 +167,13 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
     to = 1;
     history = {Station{0, history.back().state}};
   }
-  if (!walk(from, to, base, direction)) {
+  const LoadCurve line = [&](double s, const ElasticState&, BodyVector& load) {
+    for (std::size_t i = 0; i < load.size(); ++i) load[i] = base[i] + s * direction[i];
+  };
+  if (!walk(from, to, line)) {
     history = history_before;
     compliance = compliance_before;
+    present_load = load_before;
     return false;
   }
   if (!same_place) {
@@ -164,16 +199,49 @@ bool FingerStatics::load(const Vec3f& point_mm, double force_n) {
   return solver_->go(solver_->finger->at(point_mm.head<2>().cast<double>()), force_n);
 }
 
+void FingerStatics::begin(const std::vector<FaceContact>& contacts) {
+  ContactLoad load(*solver_->finger, contacts);
+  reset();
+  solver_->contacts.emplace(std::move(load));
+}
+
+bool FingerStatics::press(double normal_n) {
+  assert(solver_->contacts);
+  return solver_->press(normal_n);
+}
+
 FemState FingerStatics::state() const {
   const PushedFinger& finger = *solver_->finger;
-  const Eigen::Vector3d at_mm = solver_->place.at_mm, push_mm = finger.displacement(solver_->state(), solver_->place);
+  ContactResult at;
+  if (solver_->contacts) {
+    at = solver_->contacts->result(solver_->state());
+  } else {
+    at.point_mm = solver_->place.at_mm;
+    at.contact_mm = at.point_mm + finger.displacement(solver_->state(), solver_->place);
+    at.force_n = solver_->force_n * solver_->place.inward;
+    at.moment_nmm = at.contact_mm.cross(at.force_n);
+  }
   FemState state;
   state.force_n = static_cast<float>(solver_->force_n);
-  state.point_mm = at_mm.cast<float>();
-  state.contact_mm = (at_mm + push_mm).cast<float>();
-  if (push_mm.norm() > kLongestPush_mm) state.outcome = Outcome::kPushedTooFar;
+  state.point_mm = at.point_mm.cast<float>();
+  state.contact_mm = at.contact_mm.cast<float>();
+  const Eigen::Matrix3d axes = face_axes(finger.at(at.point_mm.head<2>()).inward);
+  state.force_vector_n = (axes.transpose() * at.force_n).cast<float>();
+  state.moment_nmm = at.moment_nmm.cast<float>();
+  state.spread_mm = static_cast<float>(at.spread_mm);
+  if ((at.contact_mm - at.point_mm).norm() > kLongestPush_mm) state.outcome = Outcome::kPushedTooFar;
   state.plates = finger.plates(solver_->state()).plates;
   return state;
+}
+
+const std::vector<double>& FingerStatics::nodal_forces() const { return solver_->present_load; }
+
+LinearResponse::Numbers FingerStatics::linear(const LinearResponse& response) const {
+  assert(solver_->contacts);
+  LinearResponse::Numbers sum = LinearResponse::Numbers::Zero();
+  solver_->contacts->add_response(
+      [&](const FacePoint& at, const Eigen::Vector3d& force_n) { return response.of(at, force_n); }, sum);
+  return sum;
 }
 
 EquilibriumCost FingerStatics::cost() const { return solver_->equilibrium.cost(); }

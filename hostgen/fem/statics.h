@@ -7,7 +7,9 @@
 #include <memory>
 #include <vector>
 
+#include "hostgen/fem/contact.h"
 #include "hostgen/fem/dataset.h"
+#include "hostgen/fem/linear_response.h"
 #include "hostgen/fem/pushed_finger.h"
 
 namespace finsight::host {
@@ -30,8 +32,18 @@ class FingerStatics {
   /// Newton needs it. False if no equilibrium was found that the present one leads to without a jump (the finger
   /// buckles or snaps through, or gives way without end): the state is then the one before the call.
   bool load(const Vec3f& point_mm, double force_n);
+  /// Back to the undeformed finger, which these contacts are about to touch. Throws std::invalid_argument as
+  /// ContactLoad does.
+  void begin(const std::vector<FaceContact>& contacts);
+  /// After begin(): equilibrium under their normal forces that sum to `normal_n`, with what friction adds; as load()
+  /// does.
+  bool press(double normal_n);
   /// The present state; `path` and `front_node` are left 0. Not valid if the touched point has moved more than 20 mm.
   FemState state() const;
+  /// Of the present load: a body vector.
+  const std::vector<double>& nodal_forces() const;
+  /// After begin(): what the plates would do under the present load if the finger answered linearly (mm, rad).
+  LinearResponse::Numbers linear(const LinearResponse& response) const;
   /// [3 * mesh nodes] displacement of the mesh's (corner) nodes, mm.
   std::vector<double> node_displacement_mm() const;
   /// The same for all nodes of the quadratic mesh, mesh nodes first.

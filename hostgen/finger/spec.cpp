@@ -22,6 +22,7 @@ namespace {
 
 constexpr double kRadPerDeg = std::numbers::pi / 180;
 constexpr double kLargestMm = 1000;  // larger is not a finger
+constexpr double kPolyurethane_kg_m3 = 1150;
 
 std::array<double, 2> pair(TomlTable& table, const std::string& key, double lowest, double highest) {
   const std::vector<double> values = table.numbers(key, 2, lowest, highest);
@@ -123,6 +124,7 @@ void read_place(TomlTable& entry, FingerSpec& spec, int index, SurfaceSource* so
 void read_material(TomlTable table, FingerSpec& spec) {
   spec.youngs_modulus_mpa = table.number("youngs_modulus_mpa", 1e-3, 1e6);
   spec.poisson_ratio = table.number("poisson_ratio", 0, 0.499);  // 0.5 is incompressible
+  spec.density_kg_m3 = table.number("density_kg_m3", 10, 1e5, kPolyurethane_kg_m3);
   spec.plate_stiffness_ratio = table.number("plate_stiffness_ratio", 1, 1e4);
   table.finish();
 }
@@ -238,10 +240,40 @@ void read_touch(TomlTable table, FingerSpec& spec) {
   spec.force_n = ascending_pair(table, "force_n", 0, 1000);
   spec.threshold_mm = table.number("threshold_mm", 0, 100);
   spec.rated_deformation_mm = table.number("rated_deformation_mm", 0.01, 1000);
+  spec.trained_scene = table.text("scene", "probe");
+  spec.scene(spec.trained_scene);
+  table.finish();
+}
+
+/// A scene of the file changes the common one of its name, or is one of its own.
+void read_scene(TomlTable table, std::vector<Scene>& scenes) {
+  const std::string name = table.text("name");
+  auto scene = std::ranges::find(scenes, name, &Scene::name);
+  if (scene == scenes.end()) scene = scenes.insert(scene, Scene{.name = name});
+  scene->friction = table.number("friction", 0, 2, scene->friction);
+  scene->patch_radius_mm = table.number("patch_radius_mm", 0, 100, scene->patch_radius_mm);
+  scene->line_share = table.number("line_share", 0, 1, scene->line_share);
+  scene->contacts = static_cast<int>(table.integer("contacts", 1, 2, scene->contacts));
+  if (table.has("apart_mm")) scene->apart_mm = ascending_pair(table, "apart_mm", 0, kLargestMm);
   table.finish();
 }
 
 }  // namespace
+
+std::vector<Scene> common_scenes() {
+  return {{.name = "probe"},
+          {.name = "grasp", .friction = 0.6, .patch_radius_mm = 12, .line_share = 0.4},
+          {.name = "two", .friction = 0.6, .patch_radius_mm = 12, .line_share = 0.4, .contacts = 2}};
+}
+
+const Scene& FingerSpec::scene(const std::string& wanted) const {
+  std::string names;
+  for (const Scene& known : scenes) {
+    if (known.name == wanted) return known;
+    names += (names.empty() ? "" : ", ") + known.name;
+  }
+  throw InputError(file.string(), "scene", "'" + wanted + "'", "one of " + names);
+}
 
 void place_markers(FingerSpec& spec) {
   for (int index = 0; index < kPlates; ++index) {
@@ -307,6 +339,10 @@ FingerSpec read_finger_spec(const std::filesystem::path& file) {
   if (in_surface) {
     spec.surface = std::make_shared<const SurfaceFinger>(read_surface_finger(source, file));
     for (const Eigen::Vector3d& at : spec.surface->surface.point_mm) spec.height_mm = std::max(spec.height_mm, at.y());
+  }
+  spec.scenes = common_scenes();
+  if (table.has("scene")) {
+    for (TomlTable& scene : table.tables("scene")) read_scene(std::move(scene), spec.scenes);
   }
   read_touch(table.table("touch"), spec);
   table.finish();

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "firmware/geometry/lens.h"
 #include "firmware/types.h"
@@ -60,6 +61,21 @@ struct PoseNoise {
   }
 };
 
+/// Which contacts occur: what the touch network is trained for, and what a touch is taken for.
+struct Scene {
+  std::string name;
+  double friction = 0;         ///< largest tangential force over normal force, in any direction
+  double patch_radius_mm = 0;  ///< largest radius of round patches
+  double line_share = 0;       ///< share of touches along a line: an edge or a cylinder; the others are round
+  int contacts = 1;            ///< 1, or 2 at once
+  std::array<double, 2> apart_mm = {20, 60};  ///< distance of two contacts
+};
+
+/// What every spec has, whether or not it says so. "probe": one frictionless push at a point, as in the paper. "grasp":
+/// objects in a gripper; rubber on dry plastic or metal holds up to a friction of about 0.6 before it slips on a moist
+/// or dusty surface, and an object that fills 24 mm of a 47 mm face is large. "two": two such contacts.
+std::vector<Scene> common_scenes();
+
 struct FingerSpec {
   std::filesystem::path file, surface_file;  ///< it was read from these; a parametric finger has no surface file
   std::string name;
@@ -79,6 +95,7 @@ struct FingerSpec {
 
   // Material (paper, section 2.1)
   double youngs_modulus_mpa = 0, poisson_ratio = 0;
+  double density_kg_m3 = 0;
   double plate_stiffness_ratio = 0;  ///< the rigid plates are modelled this many times stiffer than the finger
 
   // Camera (OpenCV's frame: x right, y down in the image, z along the line of sight)
@@ -92,6 +109,11 @@ struct FingerSpec {
   std::array<double, 2> force_n{};     ///< lowest and highest force
   double threshold_mm = 0;             ///< plate motion below which no touch is published
   double rated_deformation_mm = 0;     ///< RMS front-face displacement that counts as 1000 per mille
+  std::vector<Scene> scenes;           ///< the common ones, changed and joined by the file's
+  std::string trained_scene;           ///< what a pack is made for unless something else is asked for
+
+  /// Throws InputError naming the scenes that there are.
+  const Scene& scene(const std::string& wanted) const;
 };
 
 /// Throws InputError for unknown keys, wrong types, numbers or a surface that cannot be a finger, and a camera that

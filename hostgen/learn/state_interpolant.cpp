@@ -11,6 +11,7 @@ namespace finsight::host {
 
 namespace {
 
+constexpr float kNmmPerNm = 1000;
 constexpr int kMinPoints = 10;
 // Scales coordinates to about one, for the condition of the spline's system.
 constexpr double kLength_mm = 50.0;
@@ -30,6 +31,8 @@ TouchSample touch_sample(const FemState& state) {
   sample.point_mm = state.point_mm;
   sample.displacement_mm = state.contact_mm - state.point_mm;
   sample.force_n = state.force_n;
+  sample.force_vector_n = state.force_vector_n;
+  sample.moment_nm = state.moment_nmm / kNmmPerNm;
   return sample;
 }
 
@@ -54,6 +57,8 @@ StateInterpolant::StateInterpolant(const std::vector<FemState>& states) {
       level.points.row(i) = sample.point_mm.head<2>().cast<double>() / kLength_mm;
       level.values.row(i).head<kPoseDims>() = sample.numbers.cast<double>() / force_n;
       level.values.row(i).segment<3>(kPoseDims) = sample.displacement_mm.cast<double>() / force_n;
+      level.values.row(i).segment<3>(kPoseDims + 3) = sample.force_vector_n.cast<double>() / force_n;
+      level.values.row(i).segment<3>(kPoseDims + 6) = sample.moment_nm.cast<double>() / force_n;
       level.values(i, kValues - 1) = sample.point_mm.z();
     }
     fit(level);
@@ -119,6 +124,8 @@ TouchSample StateInterpolant::at(double x_mm, double y_mm, double force_n) const
   TouchSample sample;
   sample.numbers = (force_n * values.head<kPoseDims>()).cast<float>();
   sample.displacement_mm = (force_n * values.segment<3>(kPoseDims)).cast<float>();
+  sample.force_vector_n = (force_n * values.segment<3>(kPoseDims + 3)).cast<float>();
+  sample.moment_nm = (force_n * values.segment<3>(kPoseDims + 6)).cast<float>();
   sample.point_mm = Eigen::Vector3d(x_mm, y_mm, values[kValues - 1]).cast<float>();
   sample.force_n = static_cast<float>(force_n);
   return sample;

@@ -14,7 +14,9 @@ struct TouchSample {
   PoseVector numbers = PoseVector::Zero();
   Vec3f point_mm = Vec3f::Zero();
   Vec3f displacement_mm = Vec3f::Zero();  ///< of the touched point
-  float force_n = 0;
+  float force_n = 0;                      ///< normal
+  Vec3f force_vector_n = Vec3f::Zero();   ///< normal, across, along
+  Vec3f moment_nm = Vec3f::Zero();        ///< about the finger frame's origin
 };
 TouchSample touch_sample(const FemState& state);
 
@@ -34,7 +36,7 @@ class StateInterpolant {
   double leave_one_out_mm() const;
 
  private:
-  static constexpr int kValues = kPoseDims + 3 + 1;  // plates and displacement per newton, z of the point
+  static constexpr int kValues = kPoseDims + 3 + 3 + 3 + 1;  // plates, displacement, force, moment per newton; z
   struct Level {
     double force_n = 0;
     Eigen::MatrixX2d points;  // scaled x, y

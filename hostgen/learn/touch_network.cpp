@@ -10,8 +10,8 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kMeans = 7;                                // point, displacement, force
-constexpr std::array<int, 4> kWithSigma = {0, 1, 2, 6};  // those with a log-sigma, at output kMeans + index
+constexpr int kMeans = TouchModel::kMeans;
+constexpr std::array<int, 9> kWithSigma = {0, 1, 2, 6, 7, 8, 9, 10, 11};  // with a log-sigma, at output kMeans + index
 constexpr float kPeakRate = 2e-3f;
 constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 256, TouchModel::kOutputs};
 
@@ -56,7 +56,7 @@ class Measurements {
       for (std::size_t p = 0; p < kPlates; ++p) noise[p] = network_noise(seen[p], noise[p]);
       touch_features(model, numbers, noise,
                      std::span<float, TouchModel::kInputs>(inputs.col(column).data(), TouchModel::kInputs));
-      targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_n;
+      targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_vector_n, touch.moment_nm;
     }
   }
 
@@ -95,7 +95,8 @@ TouchModelData fit_normalisation(Measurements& measurements) {
 }  // namespace
 
 TouchModel TouchModelData::view() const {
-  TouchModel model{scale, input_mean, input_scale, output_mean, output_scale, radius_curve, {}, threshold_mm, range_mm};
+  TouchModel model{scale,        input_mean, input_scale, output_mean,  output_scale,
+                   radius_curve, {},         face_axes,   threshold_mm, range_mm};
   for (std::size_t l = 0; l < 3; ++l) {
     model.layers[l] = {widths[l], widths[l + 1], weights[l], weight_scale[l], bias[l]};
   }
@@ -105,17 +106,25 @@ TouchModel TouchModelData::view() const {
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient) {
   // A single outlier, such as a swing that looks like a touch elsewhere, must not dominate means and deviations.
+  // A number that does not vary in the scene, such as friction's force without friction, would be told ever more
+  // exactly.
+  constexpr float kSmallestSigma = 0.003f;
   constexpr float kLargestError = 5.0f, kLargestSquare = kLargestError * kLargestError;
   const float share = 1.0f / static_cast<float>(outputs.cols());
   gradient.setZero(outputs.rows(), outputs.cols());
   gradient.topRows<kMeans>() = share * (outputs.topRows<kMeans>() - targets);
   if (!likelihood) return;
   for (int s = 0; s < outputs.cols(); ++s) {
-    const float force_sigma = std::exp(outputs(kMeans + 3, s));
+    const float force_sigma = std::max(std::exp(outputs(kMeans + 3, s)), kSmallestSigma);
     gradient.col(s).segment<3>(3) /= force_sigma;
     for (int k = 0; k < static_cast<int>(kWithSigma.size()); ++k) {
       const int mean = kWithSigma[static_cast<std::size_t>(k)];
       const float sigma = std::exp(outputs(kMeans + k, s));
+      if (sigma < kSmallestSigma) {
+        gradient(mean, s) = share * (outputs(mean, s) - targets(mean, s)) / kSmallestSigma;
+        gradient(kMeans + k, s) = share * (sigma - kSmallestSigma);
+        continue;
+      }
       const float error = (outputs(mean, s) - targets(mean, s)) / sigma;
       gradient(mean, s) = share * std::clamp(error, -kLargestError, kLargestError);
       gradient(kMeans + k, s) = share * sigma * (1.0f - std::min(error * error, kLargestSquare));

@@ -46,8 +46,11 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
       const Touch& touch = stage.locate(poses);
       const Vec3f float_point_mm = evaluate(trained, numbers, network_noise(poses)).head<3>();
       trials.push_back({state.path, state.point_mm, touch.point_mm - state.point_mm, touch.plate_motion_mm,
-                        touch.radius_68_mm, state.force_n, touch.force_n - state.force_n, touch.force_sigma_n,
-                        (touch.point_mm - float_point_mm).norm(), (float_point_mm - state.point_mm).norm()});
+                        touch.radius_68_mm, state.force_vector_n[0], (touch.point_mm - float_point_mm).norm(),
+                        (float_point_mm - state.point_mm).norm()});
+      const TouchSample truth = touch_sample(state);
+      trials.back().wrench_error << touch.force_vector_n - truth.force_vector_n, touch.moment_nm - truth.moment_nm;
+      trials.back().wrench_sigma << touch.force_vector_sigma_n, touch.moment_sigma_nm;
     }
   }
   return trials;
@@ -127,34 +130,40 @@ std::vector<float> radius_curve(const std::vector<TouchTrial>& trials, double th
 
 Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm) {
   Calibration calibration;
-  std::vector<double> force;
-  for (const TouchTrial& trial : trials) {
-    if (static_cast<double>(trial.plate_motion_mm) < threshold_mm) continue;
-    force.push_back(static_cast<double>(std::abs(trial.force_error_n) / trial.force_sigma_n));
+  for (int i = 0; i < 6; ++i) {
+    std::vector<double> ratios;
+    for (const TouchTrial& trial : trials) {
+      if (static_cast<double>(trial.plate_motion_mm) < threshold_mm) continue;
+      ratios.push_back(static_cast<double>(std::abs(trial.wrench_error[i]) / trial.wrench_sigma[i]));
+    }
+    calibration.wrench[static_cast<std::size_t>(i)] = quantile(std::move(ratios), 0.6827, 1.0);
   }
-  calibration.force = quantile(std::move(force), 0.6827, 1.0);
   if (auto curve = radius_curve(trials, threshold_mm); !curve.empty()) calibration.radius_curve = std::move(curve);
   return calibration;
 }
 
-// The network answers the logarithm of the force's standard deviation, so a factor is an addition to its mean.
+// The network answers the logarithms of the standard deviations, so a factor is an addition to its mean.
 void apply(const Calibration& calibration, TouchModelData& model) {
   model.radius_curve = calibration.radius_curve;
-  model.output_mean[10] += static_cast<float>(std::log(calibration.force));
+  for (std::size_t i = 0; i < calibration.wrench.size(); ++i) {
+    model.output_mean[TouchModel::kMeans + 3 + i] += static_cast<float>(std::log(calibration.wrench[i]));
+  }
 }
 
 TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
   TouchScore score;
   Eigen::Array3d error_sq = Eigen::Array3d::Zero(), truth = error_sq, truth_sq = error_sq;
-  double force_sq = 0, above_4_mm = 0, inside = 0, inside_twice = 0;
+  Eigen::Array<double, 6, 1> wrench_sq = Eigen::Array<double, 6, 1>::Zero(), wrench_inside = wrench_sq;
+  double above_4_mm = 0, inside = 0, inside_twice = 0;
   for (const TouchTrial& trial : trials) {
     if (trial.plate_motion_mm < threshold_mm) continue;
     ++score.touches;
     const double error_mm = static_cast<double>(trial.error_mm.norm());
+    wrench_sq += trial.wrench_error.cast<double>().square();
+    wrench_inside += (trial.wrench_error.abs() <= trial.wrench_sigma).cast<double>();
     error_sq += trial.error_mm.array().cast<double>().square();
     truth += trial.truth_mm.array().cast<double>();
     truth_sq += trial.truth_mm.array().cast<double>().square();
-    force_sq += static_cast<double>(trial.force_error_n) * static_cast<double>(trial.force_error_n);
     score.mean_mm += error_mm;
     inside += radii(trial) <= 1.0;
     inside_twice += radii(trial) <= 2.0;
@@ -168,9 +177,12 @@ TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
     score.rmse_mm[static_cast<std::size_t>(i)] = std::sqrt(error_sq[i] / count);
     score.r2[static_cast<std::size_t>(i)] = variance[i] > 0 ? 1.0 - error_sq[i] / count / variance[i] : 0.0;
   }
+  for (int i = 0; i < 6; ++i) {
+    score.wrench_rmse[static_cast<std::size_t>(i)] = std::sqrt(wrench_sq[i] / count);
+    score.wrench_coverage_68[static_cast<std::size_t>(i)] = wrench_inside[i] / count;
+  }
   score.mean_mm /= count;
   score.mean_above_4_mm /= std::max(1.0, above_4_mm);
-  score.force_rmse_n = std::sqrt(force_sq / count);
   score.coverage_68 = inside / count;
   score.coverage_95 = inside_twice / count;
   return score;
@@ -191,7 +203,9 @@ std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, 
     const Calibration calibration = calibrate(halves[1 - half], threshold_mm);
     for (TouchTrial trial : halves[half]) {
       trial.radius_68_mm = calibrated_radius_mm(calibration.radius_curve, trial.plate_motion_mm, trial.radius_68_mm);
-      trial.force_sigma_n *= static_cast<float>(calibration.force);
+      for (int i = 0; i < 6; ++i) {
+        trial.wrench_sigma[i] *= static_cast<float>(calibration.wrench[static_cast<std::size_t>(i)]);
+      }
       calibrated.push_back(trial);
     }
   }
@@ -229,11 +243,11 @@ std::vector<ForceBand> force_bands(const std::vector<TouchTrial>& trials, double
     for (const TouchTrial& trial : trials) {
       const bool here = trial.force_n >= static_cast<float>(newton) && trial.force_n < static_cast<float>(newton + 1);
       if (!here || trial.plate_motion_mm < threshold_mm) continue;
-      const double error = static_cast<double>(trial.force_error_n);
+      const double error = static_cast<double>(trial.wrench_error[0]);
       ++band.touches;
       square += error * error;
       band.bias_n += error;
-      inside += std::abs(trial.force_error_n) <= trial.force_sigma_n;
+      inside += std::abs(trial.wrench_error[0]) <= trial.wrench_sigma[0];
     }
     if (band.touches == 0) continue;
     const double count = static_cast<double>(band.touches);

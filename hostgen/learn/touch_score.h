@@ -12,9 +12,11 @@ namespace finsight::host {
 struct TouchTrial {
   std::int32_t path = 0;
   Vec3f truth_mm = Vec3f::Zero(), error_mm = Vec3f::Zero();
-  float plate_motion_mm = 0, radius_68_mm = 0, force_n = 0, force_error_n = 0, force_sigma_n = 0;
+  float plate_motion_mm = 0, radius_68_mm = 0, force_n = 0;
   float quantisation_mm = 0;  ///< distance between the float network's point and the published one
   float float_error_mm = 0;   ///< error of the float network's point
+  /// Force (normal, across, along; N) and moment (x, y, z; N m).
+  Eigen::Array<float, 6, 1> wrench_error = Eigen::Array<float, 6, 1>::Zero(), wrench_sigma = wrench_error;
 };
 
 /// How the states of trials are measured.
@@ -31,11 +33,11 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
                                    const Measuring& how);
 
 /// Makes the radius hold 68 % of the errors, and twice the radius about 95 %, in every band of plate motion
-/// (error_bands), and the force's standard deviation 68.3 %. Fitted to trials of an uncalibrated network at or above
-/// the threshold; without trials nothing changes.
+/// (error_bands), and the standard deviations of force and moment 68.3 % each. Fitted to trials of an uncalibrated
+/// network at or above the threshold; without trials nothing changes.
 struct Calibration {
   std::vector<float> radius_curve = {0, 0, 1};  ///< TouchModel::radius_curve
-  double force = 1;
+  std::array<double, 6> wrench = {1, 1, 1, 1, 1, 1};
 };
 Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm);
 void apply(const Calibration& calibration, TouchModelData& model);

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <optional>
 
+#include "hostgen/finger/plate_geometry.h"
 #include "hostgen/learn/split.h"
 #include "hostgen/learn/touch_score.h"
 #include "hostgen/util/common.h"
@@ -41,13 +42,16 @@ StateSplit without_states(const std::vector<FemState>& states, std::uint64_t see
 }
 
 std::string line(const char* name, const TouchScore& score) {
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "%s: %zu touches, RMSE x %.2f y %.2f z %.2f mm, R2 %.4f %.4f %.4f, mean %.2f mm (from 4 mm of plate "
-                "motion %.2f mm), force %.2f N, inside radius %.1f %%, inside twice %.1f %%\n",
-                name, score.touches, score.rmse_mm[0], score.rmse_mm[1], score.rmse_mm[2], score.r2[0], score.r2[1],
-                score.r2[2], score.mean_mm, score.mean_above_4_mm, score.force_rmse_n, 100 * score.coverage_68,
-                100 * score.coverage_95);
+  const auto& rmse = score.wrench_rmse;
+  char text[400];
+  std::snprintf(
+      text, sizeof text,
+      "%s: %zu touches, RMSE x %.2f y %.2f z %.2f mm, R2 %.4f %.4f %.4f, mean %.2f mm (from 4 mm of plate "
+      "motion %.2f mm), force %.2f %.2f %.2f N, moment %.3f %.3f %.3f N m, inside radius %.1f %%, inside twice "
+      "%.1f %%\n",
+      name, score.touches, score.rmse_mm[0], score.rmse_mm[1], score.rmse_mm[2], score.r2[0], score.r2[1], score.r2[2],
+      score.mean_mm, score.mean_above_4_mm, rmse[0], rmse[1], rmse[2], rmse[3], rmse[4], rmse[5],
+      100 * score.coverage_68, 100 * score.coverage_95);
   return text;
 }
 
@@ -63,7 +67,6 @@ std::vector<FemState> valid_states(const FemDataset& dataset) {
 // A network with its test states; quantised, with its threshold, not yet calibrated.
 struct Run {
   StateSplit split;
-  double leave_one_out_mm = 0;
   std::optional<TouchNetwork> trained;
 
   std::vector<TouchTrial> clean_trials(const PlatePrior& prior) {
@@ -87,12 +90,28 @@ float largest_plate_motion_mm(const std::vector<FemState>& states) {
   return largest;
 }
 
-void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
-           Progress& progress) {
-  const StateInterpolant interpolant(run.split.train);
-  run.leave_one_out_mm = interpolant.leave_one_out_mm();
+/// Of the touched part of the face, on average: columns normal, across, along.
+std::vector<float> mean_face_axes(const FingerSpec& spec) {
+  constexpr int kSteps = 8;
+  constexpr double kStep_mm = 2;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (int i = 1; i < kSteps; ++i) {
+    const double y = spec.touch_y_mm[0] + (spec.touch_y_mm[1] - spec.touch_y_mm[0]) * i / kSteps;
+    for (int j = 1; j < kSteps; ++j) {
+      const double x = (spec.half_width.at(y) - spec.touch_edge_mm) * (2.0 * j / kSteps - 1);
+      const Eigen::Vector3d across = front_point_mm(spec, x + kStep_mm, y) - front_point_mm(spec, x - kStep_mm, y);
+      const Eigen::Vector3d up = front_point_mm(spec, x, y + kStep_mm) - front_point_mm(spec, x, y - kStep_mm);
+      sum += across.cross(up).normalized();
+    }
+  }
+  const Eigen::Matrix3f axes = face_axes(sum.normalized()).cast<float>();
+  return {axes.data(), axes.data() + axes.size()};
+}
+
+void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const TouchTrainingPlan& plan,
+           const TouchSource& source, std::uint64_t seed, Progress& progress) {
   Random random(seed);
-  const std::vector<TouchSample> touches = draw_touches(spec, interpolant, kTouches, random);
+  const std::vector<TouchSample> touches = source(run.split.train, kTouches, random);
   const CornerMeasurement camera(spec, prior);
   const auto tick = [&] {
     if (interrupted()) throw Interrupted();
@@ -104,6 +123,7 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
   }
   run.trained = train_touch_network(touches, spec.noise, prior, swinging, seed + 1, tick, &camera);
   quantise(*run.trained);
+  run.trained->model.face_axes = mean_face_axes(spec);
   run.trained->model.threshold_mm = static_cast<float>(spec.threshold_mm);
   run.trained->model.range_mm = kBeyondTraining * largest_plate_motion_mm(run.split.train);
 }
@@ -120,7 +140,7 @@ std::string missing_plates_table(Run& run, const FingerSpec& spec, const PlatePr
 }  // namespace
 
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior_data,
-                          const TouchTrainingPlan& plan) {
+                          const TouchTrainingPlan& plan, const TouchSource& source) {
   const PlatePrior prior = prior_data.view();
   const std::vector<FemState> states = valid_states(dataset);
   const std::uint64_t seed = 1000 * plan.seed;
@@ -130,7 +150,12 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   points_run.split = without_points(states);
   final_run.split.train = states;
   Progress progress("touch network", runs.size() * static_cast<std::size_t>(plan.steps));
-  parallel_for(runs.size(), [&](std::size_t i) { train(runs[i], spec, prior, plan, seed + 10 * i, progress); });
+  const TouchSource between_states = [&](const std::vector<FemState>& some, std::size_t count, Random& random) {
+    return draw_touches(spec, StateInterpolant(some), count, random);
+  };
+  const TouchSource& touches = source ? source : between_states;
+  parallel_for(runs.size(),
+               [&](std::size_t i) { train(runs[i], spec, prior, plan, touches, seed + 10 * i, progress); });
 
   TouchTraining result;
   const std::vector<TouchTrial> random_raw = random_run.noisy_trials(spec, prior, seed);
@@ -153,10 +178,11 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
 
   char text[400];
   std::snprintf(text, sizeof text,
-                "%zu states; interpolant: leaving one contact point out, a plate is %.3f mm (RMS) off\n"
-                "calibration: force deviation times %.2f; int8 moves the point by %.3f mm "
+                "%zu states\ncalibration: deviations of force and moment times %.2f %.2f %.2f %.2f %.2f %.2f; int8 "
+                "moves the point by %.3f mm "
                 "(mean; worst %.2f mm), mean error %.3f mm in floats, %.3f mm in int8\n",
-                states.size(), final_run.leave_one_out_mm, calibration.force, result.quantisation.mean_mm,
+                states.size(), calibration.wrench[0], calibration.wrench[1], calibration.wrench[2],
+                calibration.wrench[3], calibration.wrench[4], calibration.wrench[5], result.quantisation.mean_mm,
                 result.quantisation.worst_mm, result.quantisation.float_error_mm, result.quantisation.int8_error_mm);
   result.log = text + line("held-out states, clean", result.random_clean) +
                line("held-out points, clean", result.held_out_clean) +

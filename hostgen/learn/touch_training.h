@@ -1,11 +1,14 @@
 // Trains the touch network on finite-element states with pose noise, and quantises it.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "firmware/model/model.h"
 #include "hostgen/fem/dataset.h"
+#include "hostgen/learn/state_interpolant.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 
@@ -23,6 +26,7 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
 struct TouchModelData {
   std::vector<float> scale, input_mean, input_scale, output_mean, output_scale;
   std::vector<float> radius_curve = {0, 0, 1};  ///< uncalibrated
+  std::vector<float> face_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
@@ -34,10 +38,12 @@ struct TouchModelData {
 /// the threshold. Arrays: x, y, z of the touched point.
 struct TouchScore {
   std::array<double, 3> rmse_mm{}, r2{};
-  double mean_mm = 0, force_rmse_n = 0;
+  double mean_mm = 0;
   double mean_above_4_mm = 0;               ///< mean error where a plate has moved 4 mm or more
   double coverage_68 = 0, coverage_95 = 0;  ///< share of errors inside one and two published radii
   std::size_t touches = 0;                  ///< how many were published
+  /// Force (normal, across, along; N) and moment (x, y, z; N m), and the share of their errors inside one deviation.
+  std::array<double, 6> wrench_rmse{}, wrench_coverage_68{};
 };
 
 /// Errors of touches whose plates moved between two distances.
@@ -76,14 +82,18 @@ struct TouchTrainingPlan {
   std::array<double, kPlates> plate_height_mm = {};  ///< for add_swing(); train_touch() takes the spec's
 };
 
+/// Draws touches for training from some of the dataset's states.
+using TouchSource =
+    std::function<std::vector<TouchSample>(const std::vector<FemState>& states, std::size_t count, Random& random)>;
+
 /// Three trainings side by side: without a fifth of the states, without a fifth of the contact points, and, for the
-/// model itself, with all. Training touches are drawn from an interpolant of the training states (see
-/// StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated on the held-out
-/// points, after quantisation, and the final model gets the same factors; the coverage in `random_noisy` and
+/// model itself, with all. Training touches come from `source`, by default from an interpolant of the training states
+/// (see StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated on the
+/// held-out points, after quantisation, and the final model gets the same factors; the coverage in `random_noisy` and
 /// `held_out_noisy` comes from calibrating on one half of the tested points and counting on the other. The same
 /// arguments give the same bytes.
 /// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,
-                          const TouchTrainingPlan& plan);
+                          const TouchTrainingPlan& plan, const TouchSource& source = {});
 
 }  // namespace finsight::host

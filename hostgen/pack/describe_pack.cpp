@@ -129,8 +129,8 @@ void describe_self_test(std::string& text, const Model& model) {
 std::string describe_model_pack(const Model& model) {
   const SafetensorsFile& file = model.file();
   std::string text;
-  print(text, "%s: finger \"%s\", %zu bytes, checksum %s, all checks passed\n", file.path().c_str(),
-        model.finger_name.c_str(), file.bytes().size(), checksum_text(model.checksum).c_str());
+  print(text, "%s: finger \"%s\", scene \"%s\", %zu bytes, checksum %s, all checks passed\n", file.path().c_str(),
+        model.finger_name.c_str(), model.scene.c_str(), file.bytes().size(), checksum_text(model.checksum).c_str());
   text += "\nmetadata\n";
   describe_notes(text, file);
   text += "\nmodel\n";

@@ -52,6 +52,7 @@ void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchOutputScale, {TouchModel::kOutputs}, touch.output_scale);
   tensors.add(tensor::kTouchRadiusCurve, {static_cast<std::int64_t>(touch.radius_curve.size() / 3), 3},
               touch.radius_curve);
+  tensors.add(tensor::kTouchFaceAxes, {3, 3}, touch.face_axes);
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const DenseInt8& layer = touch.layers[i];
     tensors.add(tensor::kTouchWeights[i], {layer.outputs, layer.inputs}, layer.weights);
@@ -88,6 +89,7 @@ TensorFile pack_tensors(const PackViews& views) {
   tensors.metadata = views.notes;
   tensors.metadata[meta::kFormat] = std::string(meta::kFormatVersion);
   tensors.metadata[meta::kFinger] = views.finger_name;
+  tensors.metadata[meta::kScene] = views.scene;
   tensors.metadata[meta::kSpecSha256] = views.spec_sha256;
   tensors.metadata[meta::kHostgenVersion] = views.hostgen_version;
   tensors.metadata[meta::kNodes] = std::to_string(views.shape.nodes);

@@ -13,7 +13,7 @@ namespace finsight::host {
 /// All parts of a pack. The views must stay valid while it is written; shape.free_index is not written (the reader
 /// derives it from node_kind).
 struct PackViews {
-  std::string finger_name, spec_sha256, hostgen_version;
+  std::string finger_name, scene, spec_sha256, hostgen_version;
   float rated_deformation_mm = 0;
   std::map<std::string, std::string> notes;  ///< more metadata for people, such as scores; the firmware ignores them
   MountModel mount;

@@ -85,7 +85,7 @@ void write_build_figures(const std::filesystem::path& pack, const BuildFigures& 
         {"coverage_curve", touch.coverage_curve},
         {"coverage_68", touch.held_out_noisy.coverage_68},
         {"coverage_95", touch.held_out_noisy.coverage_95},
-        {"force_rmse_n", touch.held_out_noisy.force_rmse_n},
+        {"force_rmse_n", touch.held_out_noisy.wrench_rmse[0]},
         {"training_seconds", figures.training_seconds}}}};
   write_file_atomically(build_figures_path(pack), all.dump(2) + "\n");
 }

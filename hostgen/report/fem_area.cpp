@@ -21,20 +21,24 @@ void say(const char* what, const char* element, const char* mesh) {
 
 json compare(const FingerSpec& spec, const TetMesh& mesh, const char* mesh_name, bool quick) {
   const double half_mm = spec.half_width.at(80) - spec.touch_edge_mm;
-  std::vector<LoadCase> loads = {{Vec3f(0, 70, 0), 1.5}};
+  std::vector<std::pair<const char*, LoadCase>> loads = {{"push", push(0, 70, 1.5)}};
   if (!quick) {
-    loads.push_back({Vec3f(static_cast<float>(half_mm), 80, 0), 1.5});
-    loads.push_back({Vec3f(static_cast<float>(-half_mm / 2), 40, 0), 6});
+    loads.emplace_back("push", push(half_mm, 80, 1.5));
+    loads.emplace_back("push", push(-half_mm / 2, 40, 6));
+    loads.emplace_back("friction 0.5",
+                       LoadCase{{{.centre_mm = {half_mm / 2, 75}, .friction = {0.4, -0.3}, .follow = 1}}, 2});
+    loads.emplace_back("patch", LoadCase{{{.centre_mm = {0, 60}, .radius_mm = 9, .full_force_n = 3}}, 3});
   }
   json rows = json::array();
   for (const Element element : kElements) {
-    for (const LoadCase& load : loads) {
+    for (const auto& [kind, load] : loads) {
       say("CalculiX", name_of(element), mesh_name);
       const CalculixComparison result = compare_with_calculix(spec, mesh, element, load);
       rows.push_back({{"element", name_of(element)},
+                      {"load", kind},
                       {"tets", mesh.tets.size()},
-                      {"x_mm", load.point_mm.x()},
-                      {"y_mm", load.point_mm.y()},
+                      {"x_mm", load.contacts[0].centre_mm.x()},
+                      {"y_mm", load.contacts[0].centre_mm.y()},
                       {"force_n", load.force_n},
                       {"largest_mm", result.largest_mm},
                       {"difference_mm", result.difference_mm}});

@@ -139,7 +139,7 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
   add_section(all, "fem", "Finite-element truth", out);
   out << "<p>The same loads solved by CalculiX: largest distance between a node's two positions.</p>\n";
   add_table(all["fem"].value("calculix", json()),
-            {"element", "tets", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"}, out);
+            {"element", "tets", "load", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"}, out);
   out << "<p>Locking: displacement of the touched point (0, 70) under 0.5 N.</p>\n";
   add_table(all["fem"].value("locking", json()), {"mesh", "tets", "C3D4_mm", "C3D10_mm", "C3D10_over_C3D4"}, out);
   add_section(all, "real", "Real recordings", out);

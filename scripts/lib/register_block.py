@@ -25,7 +25,7 @@ def read_table():
 
 ADDRESS, VALUES = read_table()
 STATUS_BIT = {name: 1 << number for name, number in VALUES["status"].items()}
-MEASUREMENTS = 48  # registers
+MEASUREMENTS = 81  # registers
 
 
 def signed(word):

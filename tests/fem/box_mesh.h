@@ -89,6 +89,8 @@ inline host::FingerSpec small_finger_spec() {
   spec.touch_y_mm = {15, 55};
   spec.touch_edge_mm = 1;
   spec.force_n = {0.1, 0.4};
+  spec.scenes = host::common_scenes();
+  spec.trained_scene = "probe";
   for (int p = 0; p < kPlates; ++p) {
     spec.plates[static_cast<std::size_t>(p)].T_finger_marker.translation() = Eigen::Vector3d(0, 50 - 15 * p, 3);
   }

@@ -31,6 +31,8 @@ inline host::FemState synthetic_state(double x_mm, double y_mm, double force_n) 
   }
   const double push_mm = stiffness * beam(y_mm, y_mm) + 0.6 * force_n;
   state.contact_mm = state.point_mm + Eigen::Vector3d(0, -0.002 * push_mm * push_mm, push_mm).cast<float>();
+  state.force_vector_n = Vec3f(state.force_n, 0, 0);
+  state.moment_nmm = state.contact_mm.cross(Vec3f(0, -0.217F, 0.976F) * state.force_n);
   return state;
 }
 

@@ -11,7 +11,7 @@ using namespace finsight::host;
 
 namespace {
 
-constexpr int kSigmaMeans[4] = {0, 1, 2, 6};
+constexpr int kSigmaMeans[9] = {0, 1, 2, 6, 7, 8, 9, 10, 11};
 
 Eigen::MatrixXf random_matrix(int rows, int cols, double size, Random& random) {
   Eigen::MatrixXf matrix(rows, cols);
@@ -45,41 +45,41 @@ TouchNetwork short_training(std::uint64_t seed) {
 TEST_CASE("touch network: the likelihood's gradient agrees with finite differences") {
   Random random(9);
   const int samples = 5;
-  const Eigen::MatrixXf targets = random_matrix(7, samples, 1, random);
-  Eigen::MatrixXf outputs = random_matrix(11, samples, 0.5, random), gradient;
-  outputs.topRows(7) = targets + random_matrix(7, samples, 0.3, random);
+  const Eigen::MatrixXf targets = random_matrix(12, samples, 1, random);
+  Eigen::MatrixXf outputs = random_matrix(21, samples, 0.5, random), gradient;
+  outputs.topRows(12) = targets + random_matrix(12, samples, 0.3, random);
   touch_loss_gradient(outputs, targets, true, gradient);
   for (int s = 0; s < samples; ++s) {
-    for (int k = 0; k < 4; ++k) {
-      const double mean = double(outputs(kSigmaMeans[k], s)), log_sigma = double(outputs(7 + k, s));
+    for (int k = 0; k < 9; ++k) {
+      const double mean = double(outputs(kSigmaMeans[k], s)), log_sigma = double(outputs(12 + k, s));
       const double target = double(targets(kSigmaMeans[k], s)), weight = std::exp(log_sigma), h = 1e-5;
       const auto loss = [&](double m, double u) { return weighted_likelihood(m, u, target, weight, samples); };
       CHECK(double(gradient(kSigmaMeans[k], s)) ==
             doctest::Approx((loss(mean + h, log_sigma) - loss(mean - h, log_sigma)) / (2 * h)).epsilon(1e-4));
-      CHECK(double(gradient(7 + k, s)) ==
+      CHECK(double(gradient(12 + k, s)) ==
             doctest::Approx((loss(mean, log_sigma + h) - loss(mean, log_sigma - h)) / (2 * h)).epsilon(1e-4));
     }
     for (int i = 3; i < 6; ++i) {  // the displacement: squared error with the force's weight
       CHECK(double(gradient(i, s)) ==
-            doctest::Approx(double(outputs(i, s) - targets(i, s)) / std::exp(double(outputs(10, s))) / samples));
+            doctest::Approx(double(outputs(i, s) - targets(i, s)) / std::exp(double(outputs(15, s))) / samples));
     }
   }
 }
 
 TEST_CASE("touch network: the first part of the training sees squared errors only") {
   Random random(10);
-  const Eigen::MatrixXf targets = random_matrix(7, 4, 1, random), outputs = random_matrix(11, 4, 1, random);
+  const Eigen::MatrixXf targets = random_matrix(12, 4, 1, random), outputs = random_matrix(21, 4, 1, random);
   Eigen::MatrixXf gradient;
   touch_loss_gradient(outputs, targets, false, gradient);
-  CHECK((gradient.topRows(7) - (outputs.topRows(7) - targets) / 4).norm() < 1e-6f);
-  CHECK(gradient.bottomRows(4).norm() == 0);
+  CHECK((gradient.topRows(12) - (outputs.topRows(12) - targets) / 4).norm() < 1e-6f);
+  CHECK(gradient.bottomRows(9).norm() == 0);
 }
 
 TEST_CASE("touch network: an outlier's pull on a mean and its deviation is bounded") {
-  Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(11, 1), targets = Eigen::MatrixXf::Zero(7, 1), gradient;
+  Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(21, 1), targets = Eigen::MatrixXf::Zero(12, 1), gradient;
   targets(0, 0) = 1e4f;
   touch_loss_gradient(outputs, targets, true, gradient);
-  CHECK(double(gradient(7, 0)) == doctest::Approx(-24));
+  CHECK(double(gradient(12, 0)) == doctest::Approx(-24));
   CHECK(double(gradient(0, 0)) == doctest::Approx(-5));
 }
 

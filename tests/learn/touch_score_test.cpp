@@ -22,8 +22,8 @@ std::vector<TouchTrial> ramp(std::int32_t path, float plate_motion_mm) {
     trial.error_mm = Vec3f(0, 0.01f * float(i), 0);
     trial.plate_motion_mm = plate_motion_mm;
     trial.radius_68_mm = 0.2f;
-    trial.force_error_n = -0.02f * float(i);
-    trial.force_sigma_n = 0.5f;
+    trial.wrench_error.fill(-0.02f * float(i));
+    trial.wrench_sigma.fill(0.5f);
     trials.push_back(trial);
   }
   return trials;
@@ -31,17 +31,19 @@ std::vector<TouchTrial> ramp(std::int32_t path, float plate_motion_mm) {
 
 }  // namespace
 
-TEST_CASE("touch score: calibration makes the radius hold 68 % of the errors and the force's deviation 68.3 %") {
+TEST_CASE("touch score: calibration makes the radius hold 68 % of the errors and each deviation 68.3 %") {
   const Calibration calibration = calibrate(ramp(0, 5), 2);
   REQUIRE(calibration.radius_curve.size() == 3);  // all at 5 mm of plate motion
   CHECK(calibrated_radius_mm(calibration.radius_curve, 5, 0.2f) == doctest::Approx(0.68).epsilon(0.02));
-  CHECK(calibration.force == doctest::Approx(2 * 0.6827 / 0.5).epsilon(0.02));
+  for (const double factor : calibration.wrench) CHECK(factor == doctest::Approx(2 * 0.6827 / 0.5).epsilon(0.02));
   TouchModelData model;
-  model.output_mean.assign(11, 0.0f);
+  model.output_mean.assign(TouchModel::kOutputs, 0.0f);
   apply(calibration, model);
   CHECK(model.radius_curve == calibration.radius_curve);
-  for (std::size_t i = 0; i < 10; ++i) CHECK(model.output_mean[i] == 0);
-  CHECK(double(model.output_mean[10]) == doctest::Approx(std::log(calibration.force)));
+  for (std::size_t i = 0; i < 15; ++i) CHECK(model.output_mean[i] == 0);
+  for (std::size_t i = 0; i < 6; ++i) {
+    CHECK(double(model.output_mean[15 + i]) == doctest::Approx(std::log(calibration.wrench[i])));
+  }
 }
 
 TEST_CASE("touch score: ignores trials below the threshold, and copes with no trials at all") {
@@ -70,7 +72,8 @@ TEST_CASE("touch score: in every band of plate motion the radius holds 68 % and 
     trial.error_mm =
         Vec3f(static_cast<float>(sigma_mm * random.normal()), static_cast<float>(sigma_mm * random.normal()), 0);
     trial.radius_68_mm = static_cast<float>(std::exp(2 * known));
-    trial.force_sigma_n = trial.force_error_n = 1;
+    trial.wrench_sigma.fill(1);
+    trial.wrench_error.fill(1);
     trials.push_back(trial);
   }
   const std::vector<TouchBand> bands = error_bands(cross_calibrated(trials, 2));
@@ -95,7 +98,8 @@ TEST_CASE("touch score: figures of hand-made trials") {
   CHECK(result.rmse_mm[1] == doctest::Approx(std::sqrt(0.33835)).epsilon(1e-4));
   CHECK(result.r2[1] == doctest::Approx(1 - 0.33835 / 0.25).epsilon(1e-4));
   CHECK(result.r2[0] == 0);  // no variance to explain
-  CHECK(result.force_rmse_n == doctest::Approx(2 * std::sqrt(0.33835)).epsilon(1e-4));
+  for (const double rmse : result.wrench_rmse) CHECK(rmse == doctest::Approx(2 * std::sqrt(0.33835)).epsilon(1e-4));
+  for (const double inside : result.wrench_coverage_68) CHECK(inside == doctest::Approx(0.25).epsilon(0.05));
   CHECK(result.coverage_68 == doctest::Approx(0.2).epsilon(0.06));
   CHECK(result.coverage_95 == doctest::Approx(0.4).epsilon(0.03));
 }

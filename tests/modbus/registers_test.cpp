@@ -38,7 +38,20 @@ Scene touched_finger() {
   s.poses.seen = {true, true, true};
   s.poses.quality = Quality::kFresh;
   s.shape = {{}, 3.25F, 14.5F, 6.75F, 4, ShapeSource::kNewton, false, Quality::kFresh};
-  s.touch = {{1.5F, -2.25F, 0.5F}, {2.5F, 60.0F, 7.126F}, 0.8F, 3.5F, 0.11F, 12.0F, false, Quality::kFresh};
+  s.touch = {.point_mm = {1.5F, -2.25F, 0.5F},
+             .contact_mm = {2.5F, 60.0F, 7.126F},
+             .radius_68_mm = 0.8F,
+             .force_n = 3.5F,
+             .force_sigma_n = 0.11F,
+             .force_vector_n = {3.5F, -1.25F, 0.75F},
+             .force_vector_sigma_n = {0.11F, 0.22F, 0.33F},
+             .wrench_force_n = {-1.25F, -0.5F, 3.25F},
+             .wrench_force_sigma_n = {0.22F, 0.3F, 0.15F},
+             .moment_nm = {0.25F, -0.125F, 0.064F},
+             .moment_sigma_nm = {0.031F, 0.012F, 0.008F},
+             .plate_motion_mm = 12.0F,
+             .over_range = false,
+             .quality = Quality::kFresh};
   s.state.heartbeat = 65535;
   s.state.frames = 7;
   s.state.frame_counter = 0x00012345;
@@ -47,6 +60,7 @@ Scene touched_finger() {
   s.state.published_ns = 5'012'340'000;
   s.state.model_checksum = 0xCAFEBABE;
   s.state.rated_deformation_mm = 6.5F;
+  s.state.scene = scene_code("grasp");
   s.state.limits = {.contact = true, .gentle = true};
   return s;
 }
@@ -61,8 +75,14 @@ TEST_CASE("registers: a touched finger encodes to words worked out by hand") {
       500,    1450,   675,                         // 11: level, displacements
       150,    0xFFE7, 1200,   573,    0xFB86, 57,  // 14: top plate, -25, -1146 = 0xFB86
       0x3FC0, 0x0000, 0xC010, 0x0000, 0x3F00, 0x0000, 0x4060, 0x0000, 0x4050, 0x0000, 0x7FC0, 0x0000,  // 20: floats
-      0x0001, 0x2345, 17,     4,      0xCAFE, 0xBABE, 3,      0x1234,   // 32: counters and constants
-      250,    6000,   713,    2,      3,      0,      0x1234, 0x5678};  // 40: contact, shape source, limits, test
+      0x0001, 0x2345, 17,     4,      0xCAFE, 0xBABE, 3,      0x1234,  // 32: counters and constants
+      250,    6000,   713,    2,      3,      0,      0x1234, 0x5678,  // 40: contact, shape source, limits, test
+      350,    0xFF83, 75,     11,     22,     33,                      // 48: force vector and deviations
+      0xFF83, 0xFFCE, 325,    250,    0xFF83, 64,                      // 54: wrench
+      22,     30,     15,     31,     12,     8,                       // 60: its deviations
+      0x4060, 0x0000, 0xBFA0, 0x0000, 0x3F40, 0x0000,                  // 66: force vector as floats
+      0x3E80, 0x0000, 0xBE00, 0x0000, 0x3D83, 0x126F,                  // 72: moment as floats
+      0,      0,      2};                                              // 78: reserved, scene
   const RegisterImage image = touched_finger().encoded();
   CHECK(std::vector<std::uint16_t>(image.words.begin(), image.words.end()) == expected);
   CHECK(image.exposure_ns == 5'000'000'000);
@@ -73,7 +93,7 @@ TEST_CASE("registers: word order CDAB swaps the words of every 32-bit register a
   const RegisterImage big = scene.encoded();
   scene.state.settings[kWordOrder] = 1;
   const RegisterImage swapped = scene.encoded();
-  const std::vector<std::size_t> pairs = {20, 22, 24, 26, 28, 30, 32, 36, 46};
+  const std::vector<std::size_t> pairs = {20, 22, 24, 26, 28, 30, 32, 36, 46, 66, 68, 70, 72, 74, 76};
   std::vector<std::uint16_t> expected(big.words.begin(), big.words.end());
   for (const std::size_t first : pairs) std::swap(expected[first], expected[first + 1]);
   CHECK(std::vector<std::uint16_t>(swapped.words.begin(), swapped.words.end()) == expected);

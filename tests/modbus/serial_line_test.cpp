@@ -127,8 +127,8 @@ TEST_CASE("serial line: reads, refused requests and identification get their exa
   Served served(bus.device());
   REQUIRE(served.reports.wait_for("is open"));
   CHECK(bus.ask(kRead, kReply.size()) == kReply);
-  CHECK(bus.ask(sealed(hex("11 04 002F 0001")), 7) == sealed(hex("11 04 02 102F")));
-  CHECK(bus.ask(sealed(hex("11 03 002F 0002")), 5) == sealed(hex("11 83 02")));
+  CHECK(bus.ask(sealed(hex("11 04 0050 0001")), 7) == sealed(hex("11 04 02 1050")));
+  CHECK(bus.ask(sealed(hex("11 03 0050 0002")), 5) == sealed(hex("11 83 02")));
   CHECK(bus.ask(sealed(hex("11 03 0000 007E")), 5) == sealed(hex("11 83 03")));
   CHECK(bus.ask(sealed(hex("11 06 0001 0003")), 5) == sealed(hex("11 86 02")));
   CHECK(bus.ask(sealed(hex("11 10 0001 0001 02 0003")), 5) == sealed(hex("11 90 02")));
@@ -213,10 +213,10 @@ TEST_CASE("serial line: libmodbus as a master reads the block") {
                                                                  &modbus_free);
   modbus_set_slave(master.get(), 17);
   REQUIRE(modbus_connect(master.get()) == 0);
-  std::uint16_t words[48] = {};
-  CHECK(modbus_read_registers(master.get(), 0, 48, words) == 48);
+  std::uint16_t words[kMeasurementRegisters] = {};
+  CHECK(modbus_read_registers(master.get(), 0, kMeasurementRegisters, words) == kMeasurementRegisters);
   CHECK(words[47] == 0x102F);
-  CHECK(modbus_read_input_registers(master.get(), 48, 1, words) == -1);
+  CHECK(modbus_read_input_registers(master.get(), kMeasurementRegisters, 1, words) == -1);
   CHECK(errno == EMBXILADD);
   CHECK(modbus_write_register(master.get(), 0, 1) == -1);
   CHECK(errno == EMBXILADD);

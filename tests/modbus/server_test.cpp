@@ -90,10 +90,10 @@ TEST_CASE("server: in one answer a stalled block has fault 8 and neither a bit n
     RegisterImage image;
     encode_registers(poses, shape, touch, state, image);
     (*served).publish(image);
-    const Bytes reply = client.ask(hex("0001 0000 0006 01 03 0000 0030"), 105);
-    REQUIRE(reply.size() == 105);
+    const Bytes reply = client.ask(hex("0001 0000 0006 01 03 0000 0051"), 171);
+    REQUIRE(reply.size() == 171);
     std::vector<std::uint16_t> words;
-    for (std::size_t i = 0; i < 48; ++i) words.push_back(word_at(reply, i));
+    for (std::size_t i = 0; i < std::size_t{kMeasurementRegisters}; ++i) words.push_back(word_at(reply, i));
     return words;
   };
   const std::uint16_t seen = kTopSeen | kMiddleSeen | kLowSeen;
@@ -475,7 +475,7 @@ TEST_CASE("server: libmodbus as a client reads the block and understands the exc
   CHECK(words[43] == 0x102F);
   CHECK(modbus_read_input_registers(client.get(), 40, 8, words.data()) == 8);
   CHECK(words[7] == 0x102F);
-  CHECK(modbus_read_registers(client.get(), 40, 9, words.data()) == -1);
+  CHECK(modbus_read_registers(client.get(), 73, 9, words.data()) == -1);
   CHECK(errno == EMBXILADD);
   CHECK(modbus_write_register(client.get(), 0, 1) == -1);
   CHECK(errno == EMBXILADD);

@@ -50,6 +50,7 @@ TEST_CASE("model: gives back every part of the pack") {
   const Model model = std::move(opened);  // views must survive a move
 
   CHECK(model.finger_name == "tiny");
+  CHECK(model.scene == "grasp");
   CHECK(model.spec_sha256 == std::string(64, 'a'));
   CHECK(model.hostgen_version == "0.0.0");
   CHECK(model.rated_deformation_mm == 10);
@@ -166,13 +167,13 @@ TEST_CASE("model: refuses tensors of another shape, with what was found and expe
       {zeros<float>(tensor::kSelfTestContactShape, {1, 126}), "found F32 [1, 126], expected F32 [2, 126]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[0], {8, 21}), "found I8 [8, 21], expected I8 [8, 22]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[1], {8, 9}), "found I8 [8, 9], expected I8 [8, 8]"},
-      {zeros<float>(tensor::kTouchBias[2], {12}), "found F32 [12], expected F32 [11]"},
+      {zeros<float>(tensor::kTouchBias[2], {12}), "found F32 [12], expected F32 [21]"},
       {zeros<float>(tensor::kTouchBias[0], {5000}), "found length 5000, expected 1 to 4096"},
       {zeros<float>(tensor::kPriorCovariance, {324}), "expected F32 [18, 18]"},
       {zeros<float>(tensor::kCameraPose, {3, 4}), "expected F32 [4, 4]"},
       {zeros<std::int32_t>(tensor::kMarkerIds, {4}), "expected I32 [3]"},
       {zeros<float>(tensor::kSelfTestPoses, {0, 18}), "found length 0, expected 1 to 64"},
-      {zeros<std::uint16_t>(tensor::kSelfTestRegisters, {2, 47}), "expected U16 [2, 48]"},
+      {zeros<std::uint16_t>(tensor::kSelfTestRegisters, {2, 47}), "expected U16 [2, 81]"},
   };
   const ScratchFolder folder;
   for (const Hostile& hostile : all) {
@@ -200,8 +201,9 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
   };
   const Hostile all[] = {
       {meta::kFormat, std::nullopt, "is not a Finsight model pack"},
-      {meta::kFormat, "2", "format version: found 2, expected 1"},
+      {meta::kFormat, "1", "format version: found 1, expected 2"},
       {meta::kFinger, std::nullopt, "metadata 'finger': found nothing"},
+      {meta::kScene, std::nullopt, "metadata 'scene': found nothing"},
       {meta::kFinger, "", "metadata 'finger': found \"0 bytes\", expected 1 to 64 printable"},
       {meta::kFinger, "two\nlines", "1 to 64 printable"},
       {meta::kFinger, std::string(65, 'x'), "1 to 64 printable"},

@@ -69,9 +69,16 @@ TEST_CASE("touch stage: gives the float network's numbers within the quantisatio
       worst_mm = std::max(worst_mm, double((touch.point_mm - expected.head<3>()).norm()));
       worst_n = std::max(worst_n, std::abs(double(touch.force_n - std::max(expected[6], 0.0f))));
       CHECK((touch.contact_mm - expected.head<3>() - expected.segment<3>(3)).norm() < 0.5f);
-      const double radius = double(expected.segment<3>(7).array().exp().matrix().norm());
+      const double radius = double(expected.segment<3>(12).array().exp().matrix().norm());
       CHECK(double(touch.radius_68_mm) == doctest::Approx(radius).epsilon(0.05));
-      CHECK(double(touch.force_sigma_n) == doctest::Approx(std::exp(double(expected[10]))).epsilon(0.05));
+      CHECK((touch.force_vector_n.tail<2>() - expected.segment<2>(7)).norm() < 0.1f);
+      CHECK((touch.moment_nm - expected.segment<3>(9)).norm() < 0.01f);
+      for (int i = 0; i < 3; ++i) {
+        CHECK(double(touch.force_vector_sigma_n[i]) ==
+              doctest::Approx(std::exp(double(expected[15 + i]))).epsilon(0.05));
+        CHECK(double(touch.moment_sigma_nm[i]) == doctest::Approx(std::exp(double(expected[18 + i]))).epsilon(0.05));
+      }
+      CHECK(touch.force_sigma_n == touch.force_vector_sigma_n[0]);
     }
   }
   CHECK(worst_mm < 0.5);

@@ -1,0 +1,91 @@
+#include "hostgen/fem/scene_contacts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace finsight::host {
+
+namespace {
+
+constexpr double kPointShare = 0.25;         // of the round patches: too small for their size to matter
+constexpr double kFrictionlessShare = 0.15;  // of the touches in a scene with friction
+constexpr double kWholeWidthShare = 0.5;     // of the lines: longer than the face is wide
+constexpr double kLevelShare = 0.6;          // of the lines: across the finger, but for some degrees
+constexpr double kLevel_rad = 0.3;
+constexpr double kShortestLine_mm = 4, kWidestLine_mm = 6;
+constexpr double kFrictionStep = 0.15, kFollowStep = 0.3, kAngleStep_rad = 0.15;
+
+Eigen::Vector2d in_disc(double radius, Random& random) {
+  const double r = radius * std::sqrt(random.uniform()), angle = random.uniform(0, 2 * std::numbers::pi);
+  return {r * std::cos(angle), r * std::sin(angle)};
+}
+
+double half_width_mm(const FingerSpec& spec, double y_mm) { return spec.half_width.at(y_mm) - spec.touch_edge_mm; }
+
+Eigen::Vector2d on_face(const FingerSpec& spec, const Eigen::Vector2d& place_mm) {
+  const double y = std::clamp(place_mm.y(), spec.touch_y_mm[0], spec.touch_y_mm[1]), half = half_width_mm(spec, y);
+  return {std::clamp(place_mm.x(), -half, half), y};
+}
+
+FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen::Vector2d& place_mm, Random& random) {
+  FaceContact contact{.centre_mm = place_mm, .full_force_n = spec.force_n[1], .follow = 0};
+  if (random.uniform() < scene.line_share) {
+    const double face_mm = 2 * spec.half_width.at(place_mm.y());
+    const bool whole = random.uniform() < kWholeWidthShare;
+    contact.half_length_mm = 0.5 * (whole ? 1.5 * face_mm : random.uniform(kShortestLine_mm, face_mm));
+    if (whole) contact.centre_mm.x() = 0;
+    const double steepest = random.uniform() < kLevelShare ? kLevel_rad : 0.5 * std::numbers::pi;
+    contact.angle_rad = random.uniform(-steepest, steepest);
+    contact.radius_mm = 0.5 * random.uniform(0, kWidestLine_mm);
+    contact.pressure = random.uniform() < 0.5 ? Pressure::kRound : Pressure::kEven;
+  } else if (scene.patch_radius_mm > 0 && random.uniform() >= kPointShare) {
+    contact.radius_mm = random.uniform(0, scene.patch_radius_mm);
+    contact.pressure = std::array{Pressure::kRound, Pressure::kEven, Pressure::kFlatEnd}[random.index(3)];
+  }
+  if (scene.friction > 0) {
+    if (random.uniform() >= kFrictionlessShare) contact.friction = in_disc(scene.friction, random);
+    contact.follow = random.uniform();
+  }
+  return contact;
+}
+
+}  // namespace
+
+std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scene, const Eigen::Vector2d& place_mm,
+                                       Random& random) {
+  std::vector<FaceContact> contacts = {draw_contact(spec, scene, place_mm, random)};
+  if (scene.contacts == 1) return contacts;
+  const double away_mm = random.uniform(scene.apart_mm[0], scene.apart_mm[1]);
+  // The direction in which the face has room for the second contact; of several tries the one that fits best.
+  constexpr int kTries = 30;
+  Eigen::Vector2d best = place_mm;
+  for (int k = 0; k < kTries; ++k) {
+    const double angle = random.uniform(0, 2 * std::numbers::pi);
+    const Eigen::Vector2d place = on_face(spec, place_mm + away_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    if (std::abs((place - place_mm).norm() - away_mm) < std::abs((best - place_mm).norm() - away_mm)) best = place;
+  }
+  contacts.push_back(draw_contact(spec, scene, best, random));
+  contacts[0].share = random.uniform(0.25, 0.75);
+  contacts[1].share = 1 - contacts[0].share;
+  return contacts;
+}
+
+FaceContact vary(const FingerSpec& spec, const Scene& scene, const FaceContact& contact, double distance_mm,
+                 Random& random) {
+  FaceContact other = contact;
+  other.centre_mm = on_face(spec, contact.centre_mm + distance_mm * Eigen::Vector2d(random.normal(), random.normal()));
+  if (other.half_length_mm > spec.half_width.at(other.centre_mm.y())) other.centre_mm.x() = contact.centre_mm.x();
+  if (other.half_length_mm > 0) other.angle_rad += kAngleStep_rad * random.normal();
+  if (other.radius_mm > 0 && other.half_length_mm == 0) {
+    other.radius_mm = std::clamp(other.radius_mm + distance_mm * random.normal(), 0.0, scene.patch_radius_mm);
+  }
+  if (scene.friction > 0) {
+    other.friction += kFrictionStep * Eigen::Vector2d(random.normal(), random.normal());
+    if (other.friction.norm() > scene.friction) other.friction *= scene.friction / other.friction.norm();
+    other.follow = std::clamp(other.follow + kFollowStep * random.normal(), 0.0, 1.0);
+  }
+  return other;
+}
+
+}  // namespace finsight::host

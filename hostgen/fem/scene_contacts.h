@@ -1,0 +1,22 @@
+// The contacts of a scene: drawn at random, or as the paths of a training set.
+#pragma once
+
+#include <vector>
+
+#include "hostgen/fem/contact.h"
+#include "hostgen/util/random.h"
+
+namespace finsight::host {
+
+/// One touch of the scene, its first contact at `place_mm` of the face (lines across the whole face lie in its middle).
+/// Friction is drawn evenly from all directions and sizes, and so is how far the force follows the face: an object
+/// that is held keeps its direction to the base, one that lies on the face turns with it.
+std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scene, const Eigen::Vector2d& place_mm,
+                                       Random& random);
+
+/// A contact of the scene that is like `contact`: moved by about `distance_mm`, its friction and patch changed to
+/// match.
+FaceContact vary(const FingerSpec& spec, const Scene& scene, const FaceContact& contact, double distance_mm,
+                 Random& random);
+
+}  // namespace finsight::host

@@ -1,0 +1,124 @@
+#include "hostgen/learn/scene_touches.h"
+
+#include <cmath>
+#include <map>
+
+#include "firmware/geometry/so3.h"
+#include "hostgen/fem/scene_contacts.h"
+#include "hostgen/learn/response_surface.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr double kNmmPerNm = 1000;
+
+/// Loads of contacts as the linear response and statics see them.
+struct Loads {
+  PoseVectorOf<double> linear = PoseVectorOf<double>::Zero();
+  Eigen::Vector3d point_mm = Eigen::Vector3d::Zero();
+  Eigen::Vector3d force_n = Eigen::Vector3d::Zero(), moment_nmm = Eigen::Vector3d::Zero();  ///< at rest; finger frame
+};
+
+class Neighbourhood {
+ public:
+  Neighbourhood(const PushedFinger& finger, const LinearResponse& response, const DatasetPlan& plan,
+                const std::vector<FemState>& states)
+      : finger_(finger), response_(response), plan_(plan), surface_(states, finger.spec.noise) {
+    for (const FemState& state : states) {
+      if (state.valid() && !contacts_.contains(state.path)) {
+        contacts_[state.path] = path_contacts(finger.spec, plan, state.path);
+      }
+    }
+  }
+
+  /// `state` after a change of its contacts by about as much as neighbouring paths differ.
+  TouchSample near(const FemState& state, Random& random) const {
+    const FingerSpec& spec = finger_.spec;
+    const Scene& scene = spec.scene(plan_.scene);
+    const double area_mm2 = 2 * (spec.touch_y_mm[1] - spec.touch_y_mm[0]) * spec.half_width.at(spec.touch_y_mm[0]);
+    const double spacing_mm = std::sqrt(area_mm2 / static_cast<double>(contacts_.size()));
+    const double step_n = (spec.force_n[1] - spec.force_n[0]) / std::max(1, plan_.forces - 1);
+    const bool is_lowest = static_cast<double>(state.force_n) < spec.force_n[0] + 0.5 * step_n;
+    const double lowest_n = is_lowest ? 0 : static_cast<double>(state.force_n) - 0.5 * step_n;
+    const double force_n = random.uniform(lowest_n, static_cast<double>(state.force_n) + 0.5 * step_n);
+
+    const std::vector<FaceContact>& contacts = contacts_.at(state.path);
+    std::vector<FaceContact> changed;
+    for (const FaceContact& contact : contacts) {
+      changed.push_back(vary(spec, scene, contact, std::clamp(spacing_mm, 2.0, 5.0), random));
+    }
+    // The face turns about as the plates do. That only has to be near: what the force is called, is what it is.
+    const Eigen::Vector3d turn =
+        0.5 * (state.plates[kTopPlate].rotation_rad + state.plates[kMiddlePlate].rotation_rad).cast<double>();
+    const Loads before = loads(contacts, static_cast<double>(state.force_n), turn);
+    const Loads after = loads(changed, force_n, turn * force_n / static_cast<double>(state.force_n));
+    return between(state, before, after, force_n);
+  }
+
+ private:
+  Loads loads(const std::vector<FaceContact>& contacts, double normal_n, const Eigen::Vector3d& turn) const {
+    Loads sum;
+    for (const FaceContact& contact : contacts) {
+      const double share_n = contact.share * normal_n;
+      const Eigen::Matrix3d R = so3_exp(Eigen::Vector3d(contact.follow * turn));
+      const Eigen::Vector3d direction(1, contact.friction.x(), contact.friction.y());
+      for (const PressureSpot& spot : pressure_spots(finger_, contact, share_n)) {
+        const Eigen::Vector3d force_n = share_n * spot.share * (R * (face_axes(spot.at.inward) * direction));
+        sum.linear += response_.of(spot.at, force_n);
+        sum.point_mm += contact.share * spot.share * spot.at.at_mm;
+        sum.force_n += force_n;
+        sum.moment_nmm += spot.at.at_mm.cross(force_n);
+      }
+    }
+    return sum;
+  }
+
+  /// What is known exactly about `state`, changed by what the linear response and the surface say of the difference.
+  TouchSample between(const FemState& state, const Loads& before, const Loads& after, double force_n) const {
+    const PoseVector linear = state.linear + (after.linear - before.linear).cast<float>();
+    TouchSample sample = touch_sample(state);
+    sample.numbers += surface_.poses(linear) - surface_.poses(state.linear);
+    sample.point_mm += (after.point_mm - before.point_mm).cast<float>();
+    sample.displacement_mm += surface_.displacement_mm(linear) - surface_.displacement_mm(state.linear);
+    sample.force_n = static_cast<float>(force_n);
+    const Eigen::Matrix3d axes = face_axes(finger_.at(sample.point_mm.head<2>().cast<double>()).inward);
+    const Eigen::Vector3d change_n = after.force_n - before.force_n;
+    sample.force_vector_n += (axes.transpose() * change_n).cast<float>();
+    // The forces' own places give the moment at rest; the touched point's displacement adds to their arm.
+    const Eigen::Vector3d moved_before = (state.contact_mm - state.point_mm).cast<double>(),
+                          moved_after = sample.displacement_mm.cast<double>();
+    const Eigen::Vector3d moment_nmm = state.moment_nmm.cast<double>() + after.moment_nmm - before.moment_nmm +
+                                       moved_after.cross(after.force_n) - moved_before.cross(before.force_n);
+    sample.moment_nm = (moment_nmm / kNmmPerNm).cast<float>();
+    return sample;
+  }
+
+  const PushedFinger& finger_;
+  const LinearResponse& response_;
+  const DatasetPlan& plan_;
+  ResponseSurface surface_;
+  std::map<std::int32_t, std::vector<FaceContact>> contacts_;
+};
+
+}  // namespace
+
+TouchSource touches_around_states(const PushedFinger& finger, const LinearResponse& response, const DatasetPlan& plan) {
+  return [&finger, &response, plan](const std::vector<FemState>& states, std::size_t count, Random& random) {
+    const Neighbourhood neighbourhood(finger, response, plan, states);
+    std::vector<const FemState*> valid;
+    for (const FemState& state : states) {
+      if (state.valid()) valid.push_back(&state);
+    }
+    std::vector<TouchSample> touches;
+    touches.reserve(count);
+    while (touches.size() < count) {
+      if (interrupted()) throw Interrupted();
+      touches.push_back(neighbourhood.near(*valid[random.index(valid.size())], random));
+    }
+    return touches;
+  };
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,56 @@
+#include "hostgen/fem/linear_response.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "hostgen/fem/statics.h"
+#include "tests/fem/box_mesh.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+namespace {
+
+FingerSpec noisy_spec() {
+  FingerSpec spec = test::small_finger_spec();
+  for (PoseNoise& noise : spec.noise) noise = {0.01, 0.05, 0.005, 0.001};
+  spec.density_kg_m3 = 1150;
+  return spec;
+}
+
+}  // namespace
+
+TEST_CASE("linear response: is what equilibrium tends to for small forces, in any direction") {
+  const auto finger = std::make_shared<const PushedFinger>(noisy_spec(), test::small_finger_mesh());
+  const LinearResponse response(*finger);
+  for (const Eigen::Vector2d& friction : {Eigen::Vector2d(0, 0), Eigen::Vector2d(0.6, 0), Eigen::Vector2d(-0.3, 0.5)}) {
+    FingerStatics statics(finger);
+    statics.begin({{.centre_mm = {2, 42}, .radius_mm = 2, .friction = friction, .follow = 0}});
+    REQUIRE(statics.press(0.01));
+    const LinearResponse::Numbers expected = statics.linear(response);
+    const FemState state = statics.state();
+    for (int p = 0; p < kPlates; ++p) {
+      const PlateMotion& plate = state.plates[static_cast<std::size_t>(p)];
+      CHECK((plate.displacement_mm.cast<double>() - expected.segment<3>(6 * p)).norm() <
+            0.02 * expected.segment<3>(6 * p).norm());
+      CHECK((plate.rotation_rad.cast<double>() - expected.segment<3>(6 * p + 3)).norm() <
+            0.03 * expected.segment<3>(6 * p + 3).norm());
+    }
+  }
+}
+
+TEST_CASE("linear response: gravity bends the finger as its weight does") {
+  const FingerSpec spec = noisy_spec();
+  const PushedFinger finger(spec, test::small_finger_mesh());
+  const LinearResponse response(finger);
+  const double volume_mm3 = 12 * 60 * 6;
+  CHECK(response.finger_mass_kg() == doctest::Approx(1150e-9 * volume_mm3));
+  // A clamped column under its own weight sideways, w L^4 / (8 E I) at the end; its plates make it stiffer.
+  const double weight_n_mm = 9.80665 * 1150e-9 * volume_mm3 / 60, inertia_mm4 = 12 * 6 * 6 * 6 / 12.0;
+  const double end_mm = weight_n_mm * 60 * 60 * 60 * 60 / (8 * 10 * inertia_mm4);
+  const double top_mm = response.per_g()(2, 2);
+  CHECK(top_mm > 0.4 * end_mm);
+  CHECK(top_mm < end_mm);
+  CHECK(std::abs(response.per_g()(0, 2)) < 0.05 * top_mm);
+}
