@@ -21,7 +21,7 @@ PlateMotion since(const PlateMotion& zero, const PlateMotion& now) {
 void Zeroing::begin() {
   running_ = true;
   frames_ = tries_ = 0;
-  sum_ = {};
+  sum_ = block_ = {};
   outcome_.reset();
 }
 
@@ -40,27 +40,36 @@ void Zeroing::end(bool done) {
   outcome_ = done;
 }
 
-/// Near enough to the model's rest, and where the first frame saw the plates.
+/// Near enough to the model's rest.
 bool Zeroing::is_usable(const PlatePoses& poses) const {
-  for (int p = 0; p < kPlates; ++p) {
-    const PlateMotion& motion = poses.plates[p];
-    if (!(motion.displacement_mm.norm() <= furthest_mm_ && motion.rotation_rad.norm() <= kMaxRotation_rad))
-      return false;
-    if (frames_ == 0) continue;
-    if ((motion.displacement_mm - first_.plates[p].displacement_mm).norm() > kMaxMotion_mm) return false;
+  return std::ranges::all_of(poses.plates, [&](const PlateMotion& motion) {
+    return motion.displacement_mm.norm() <= furthest_mm_ && motion.rotation_rad.norm() <= kMaxRotation_rad;
+  });
+}
+
+// Single frames differ by their noise, which for a small marker is a tenth of a millimetre along the line of sight; a
+// finger that is still shows it in the means of some.
+bool Zeroing::has_moved() const {
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if ((block_[p].displacement_mm - first_block_[p].displacement_mm).norm() > kMaxMotion_mm) return true;
   }
-  return true;
+  return false;
 }
 
 void Zeroing::add(const PlatePoses& poses) {
   if (++tries_ > kMaxFrames) return end(false);
   if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return;
   if (!is_usable(poses)) return end(false);
-  if (frames_++ == 0) first_ = poses;
-  for (int p = 0; p < kPlates; ++p) {
-    PlateMotion& sum = sum_[static_cast<std::size_t>(p)];
-    sum.displacement_mm += poses.plates[p].displacement_mm / kFrames;
-    sum.rotation_rad += poses.plates[p].rotation_rad / kFrames;
+  ++frames_;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    sum_[p].displacement_mm += poses.plates[p].displacement_mm / kFrames;
+    sum_[p].rotation_rad += poses.plates[p].rotation_rad / kFrames;
+    block_[p].displacement_mm += poses.plates[p].displacement_mm / kBlock;
+  }
+  if (frames_ % kBlock == 0) {
+    if (frames_ == kBlock) first_block_ = block_;
+    if (has_moved()) return end(false);
+    block_ = {};
   }
   if (frames_ < kFrames) return;
   set_zero(sum_);

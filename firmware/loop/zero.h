@@ -17,7 +17,9 @@ class Zeroing {
   /// A zero is given up after this many frames if the plates were not all seen often enough.
   static constexpr int kMaxFrames = 240;
   static constexpr float kMaxRotation_rad = 0.15F;  ///< no finger sits in its holder more askew than this
-  static constexpr float kMaxMotion_mm = 0.3F;      ///< of a plate meanwhile: five times the noise
+  static constexpr int kBlock = 10;                 ///< frames whose mean tells whether the finger moves
+  /// Between the means of two blocks; seven times their noise where a frame's is 0.09 mm, as along the line of sight.
+  static constexpr float kMaxMotion_mm = 0.3F;
 
   /// `furthest_mm`: how far a plate may be from the model's rest; further away it is touched.
   explicit Zeroing(float furthest_mm) : furthest_mm_(furthest_mm) {}
@@ -43,6 +45,7 @@ class Zeroing {
  private:
   void add(const PlatePoses& poses);
   bool is_usable(const PlatePoses& poses) const;
+  bool has_moved() const;
   void end(bool done);
 
   float furthest_mm_;
@@ -50,8 +53,7 @@ class Zeroing {
   bool has_changed_ = false;
   bool running_ = false;
   int frames_ = 0, tries_ = 0;
-  PlatePoses first_;
-  ZeroPose sum_;
+  ZeroPose sum_, block_, first_block_;  ///< of all frames, of this block and of the first one; means of poses
   std::optional<bool> outcome_;
 };
 

@@ -15,7 +15,7 @@ using namespace finsight::host;
 
 namespace {
 
-constexpr DatasetPlan kPlan = {.points = 4, .forces = 3};
+const DatasetPlan kPlan = {.points = 4, .forces = 3};
 
 FemDataset small_dataset(const Shard& shard = {}, const std::filesystem::path& resume = {}) {
   return make_dataset(test::small_finger_spec(), test::small_finger_mesh(), kPlan, shard, resume);
