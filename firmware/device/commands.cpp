@@ -23,6 +23,8 @@ Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorde
 }
 
 void Commands::poll() {
+  // What a command has done at once is told after the frame that shows it.
+  if (const auto shown = std::exchange(done_at_once_, std::nullopt)) control_.finish(*shown);
   settings_ = control_.settings();
   loop_.use(settings_);
   control_.set_stale_after(kNsPerMs * settings_[kHoldTime] + frame_timeout_ns_);
@@ -32,7 +34,7 @@ void Commands::poll() {
       is_running_ = is_ordered_ = true;
       if (const auto result = start(running_)) {
         is_running_ = false;
-        control_.finish(*result);
+        done_at_once_ = result;
       }
     }
   } else if (const auto result = outcome()) {

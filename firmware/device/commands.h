@@ -43,7 +43,8 @@ class Commands {
   SavedState saved_, saving_;
   Command running_ = Command::kNone;
   bool is_running_ = false;
-  bool is_ordered_ = false;  ///< by a client, who is told the result; not by the trigger
+  std::optional<CommandResult> done_at_once_;  ///< to be told with the next poll
+  bool is_ordered_ = false;                    ///< by a client, who is told the result; not by the trigger
   bool zero_changed_ = false;
   std::optional<std::int64_t> reset_at_ns_;
 };

@@ -16,13 +16,17 @@ static_assert(address_of("history_8_client") == address_of("history_1_client") +
 
 CommandHistory::Number CommandHistory::judge(std::uint16_t sequence, std::uint16_t command, const ClientAccess& access,
                                              std::int64_t now_ns) const {
+  bool has_given_another = false;  // since then
   for (std::size_t i = 0; i < remembered(); ++i) {
     const GivenCommand& given = newest(i);
-    if (given.sequence != sequence) continue;
-    if (given.command != command || given.client != access.address) return Number::kUsed;
-    if (given.connection == access.connection) return Number::kRepeated;
+    if (given.sequence != sequence) {
+      has_given_another = has_given_another || given.client == access.address;
+      continue;
+    }
+    const bool is_same = given.command == command && given.client == access.address && !has_given_another;
     const bool is_reconnected = given.closed_before != 0 && access.connection >= given.closed_before;
-    return is_reconnected && now_ns - given.given_ns < kRepeat_ns ? Number::kRepeated : Number::kUsed;
+    const bool may_repeat = given.connection == access.connection || is_reconnected;
+    return is_same && may_repeat && now_ns - given.given_ns < kRepeat_ns ? Number::kRepeated : Number::kUsed;
   }
   return Number::kNew;
 }

@@ -36,12 +36,13 @@ class CommandHistory {
  public:
   static constexpr std::uint16_t kRunning = value_named("history_1_result", "running");
   static constexpr std::size_t kRemembered = 1024;  ///< a number older than that is new again
-  /// How long a new connection of the same client may repeat a command whose answer it has lost.
+  /// How long a client may repeat a command whose answer it has lost.
   static constexpr std::int64_t kRepeat_ns = 10'000'000'000;
 
   enum class Number { kNew, kRepeated, kUsed };
-  /// A number is repeated if the same command was given with it over the same connection, or over one of the same
-  /// client that was closed before this one was opened; used if it was given otherwise.
+  /// A number is repeated if it is that of the client's newest command, the command is the same, no older than
+  /// kRepeat_ns, and was given over the same connection or over one that was closed before this one was opened. In any
+  /// other case a number that was given is used: whoever is answered must know that the command ran for them.
   Number judge(std::uint16_t sequence, std::uint16_t command, const ClientAccess& access, std::int64_t now_ns) const;
 
   /// The newest command must have ended.

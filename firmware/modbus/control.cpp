@@ -103,16 +103,16 @@ Exception Control::write(int first, std::span<const std::uint16_t> words, const 
   if (!access.may_write) return Exception::kLocked;
   const std::lock_guard lock(mutex_);
   settle();
+  exclusive_client_ = exclusive_client(now_ns);  // who lets the unlock end gives the place up for good
   if (first == kKeyRegister) return write_key(words[0], access, now_ns);
   if (!lock_.renew(access.address, now_ns)) return Exception::kLocked;
-  const std::uint32_t exclusive = exclusive_client(now_ns);
-  if (exclusive != kNobody && exclusive != access.address) return Exception::kBusy;
-  if (first == kExclusiveRegister) return write_exclusive(words[0], access, now_ns);
-  if (first == kRefreshRegister) {
+  if (first == kRefreshRegister) {  // also beside an exclusive writer: the master must not seem lost because of one
     refresh_ = words[0];
     refreshed_ns_ = now_ns;
     return Exception::kNone;
   }
+  if (exclusive_client_ != kNobody && exclusive_client_ != access.address) return Exception::kBusy;
+  if (first == kExclusiveRegister) return write_exclusive(words[0], access);
   if (first == kCommandRegister) return write_command(words[0], words[1], access, now_ns);
   return write_settings(first, words);
 }
@@ -126,7 +126,7 @@ Exception Control::write_key(std::uint16_t key, const ClientAccess& access, std:
   return answer;
 }
 
-Exception Control::write_exclusive(std::uint16_t on, const ClientAccess& access, std::int64_t) {
+Exception Control::write_exclusive(std::uint16_t on, const ClientAccess& access) {
   if (on > control_row(kExclusiveRegister).highest) return Exception::kIllegalValue;
   exclusive_client_ = on ? access.address : kNobody;
   return Exception::kNone;

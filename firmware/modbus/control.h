@@ -100,7 +100,7 @@ class Control {
 
  private:
   Exception write_key(std::uint16_t key, const ClientAccess& access, std::int64_t now_ns);
-  Exception write_exclusive(std::uint16_t on, const ClientAccess& access, std::int64_t now_ns);
+  Exception write_exclusive(std::uint16_t on, const ClientAccess& access);
   Exception write_command(std::uint16_t command, std::uint16_t sequence, const ClientAccess& access,
                           std::int64_t now_ns);
   Exception write_settings(int first, std::span<const std::uint16_t> words);

@@ -6,12 +6,14 @@ namespace finsight {
 
 Exception WriteLock::try_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns) {
   const auto failed = std::ranges::find(failed_, client, &Failed::client);
-  if (failed != failed_.end() && now_ns < failed->wait_until_ns) return Exception::kBusy;
+  const bool must_wait = failed != failed_.end() && now_ns < failed->wait_until_ns;
+  // A client that is unlocked already learns nothing from its key being right.
+  if (must_wait && !(key == key_ && is_unlocked(client, now_ns))) return Exception::kBusy;
   if (key != key_) {
     note_wrong_key(client, now_ns);
     return Exception::kIllegalValue;
   }
-  if (failed != failed_.end()) *failed = {};
+  if (failed != failed_.end() && !must_wait) *failed = {};
   auto place = std::ranges::find(unlocked_, client, &Unlocked::client);
   if (place == unlocked_.end()) place = std::ranges::min_element(unlocked_, {}, &Unlocked::until_ns);
   *place = {client, now_ns + kUnlocked_ns};

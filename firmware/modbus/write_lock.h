@@ -26,7 +26,7 @@ class WriteLock {
   explicit WriteLock(std::uint16_t key) : key_(key) {}
 
   /// kNone: unlocked. kIllegalValue: the wrong key; an unlock of this address goes on. kBusy: this address must still
-  /// wait, and the key was not looked at.
+  /// wait, and the key was not looked at; the right one of a client that is unlocked is taken even then.
   Exception try_key(std::uint16_t key, std::uint32_t client, std::int64_t now_ns);
   /// Whether the client is unlocked; if so, it is for another 30 s.
   bool renew(std::uint32_t client, std::int64_t now_ns);

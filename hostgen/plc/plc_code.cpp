@@ -376,7 +376,7 @@ BEGIN
                MB_DATA_PTR := "Finsight".request, CONNECT := "Finsight".connection);
   END_CASE;
   #refused := 0;
-  IF #step = 3 AND #client.ERROR AND #client.STATUS = W#16#8383 THEN #refused := 3; END_IF;  // exception 3
+  IF #step = 3 AND #client.ERROR AND #client.STATUS = W#16#8384 THEN #refused := 3; END_IF;  // exception 3
   IF #step = 1 AND #client.DONE THEN #has_read := TRUE; END_IF;
   IF #step < 2 AND #client.ERROR THEN #has_read := FALSE; END_IF;
   IF #client.DONE OR #client.ERROR THEN

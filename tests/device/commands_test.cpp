@@ -110,6 +110,19 @@ TEST_CASE("commands: a tare takes one frame and is refused while its value is no
   CHECK(device.frame(resting(1)).process[kState] == 0);
 }
 
+TEST_CASE("commands: a result is told after the frame that shows what was done") {
+  Device device;
+  device.frame(resting(1));
+  REQUIRE(device.write(kCommandRegister, {static_cast<std::uint16_t>(Command::kTareDeformation), 9}) ==
+          Exception::kNone);
+  device.commands->poll();
+  CHECK(device.read(kResultSequenceRegister) == 0);  // no frame has shown the tare yet
+  const RegisterImage& image = device.loop.step_without_frame(device.now_ns);
+  CHECK(image.process[5] == bit_named("process_state", "deformation_tared"));
+  device.commands->poll();
+  CHECK(device.read(kResultSequenceRegister) == 9);
+}
+
 TEST_CASE("commands: without a folder for settings or recordings, saving and recording are not configured") {
   Device device;
   CHECK(device.result_of(Command::kSave, resting(0)) == 2);

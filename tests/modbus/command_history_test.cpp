@@ -24,17 +24,30 @@ void give(CommandHistory& history, std::uint16_t sequence, std::uint16_t command
 
 }  // namespace
 
-TEST_CASE("history: a number is repeated with the same command over the same connection, and otherwise used") {
+TEST_CASE(
+    "history: a number is repeated with the same command over the same connection soon after, and otherwise used") {
   CommandHistory history;
   const ClientAccess plc = client(7, 1);
   history.begin(5, kZero, plc, 0);
-  CHECK(history.judge(5, kZero, plc, 1000 * kSecond) == Number::kRepeated);  // while it runs
+  CHECK(history.judge(5, kZero, plc, 9 * kSecond) == Number::kRepeated);  // while it runs
   history.finish(0);
-  CHECK(history.judge(5, kZero, plc, 1000 * kSecond) == Number::kRepeated);
+  CHECK(history.judge(5, kZero, plc, 9 * kSecond) == Number::kRepeated);
+  CHECK(history.judge(5, kZero, plc, 10 * kSecond) == Number::kUsed);  // a PLC that has started again
   CHECK(history.judge(5, kClear, plc, 0) == Number::kUsed);
   CHECK(history.judge(5, kZero, client(8, 2), 0) == Number::kUsed);  // another client
   CHECK(history.judge(5, kZero, client(7, 2), 0) == Number::kUsed);  // another connection of an open one's address
   CHECK(history.judge(6, kZero, plc, 0) == Number::kNew);
+}
+
+TEST_CASE("history: only the newest command of a client is repeated; what came in between makes its number used") {
+  CommandHistory history;
+  const ClientAccess plc = client(7, 1), panel = client(8, 2);
+  give(history, 5, kZero, plc);
+  give(history, 6, kClear, panel);
+  CHECK(history.judge(5, kZero, plc, kSecond) == Number::kRepeated);
+  give(history, 7, kClear, plc);
+  CHECK(history.judge(5, kZero, plc, kSecond) == Number::kUsed);
+  CHECK(history.judge(7, kClear, plc, kSecond) == Number::kRepeated);
 }
 
 TEST_CASE("history: a client that has lost its connection repeats over one opened after that, within ten seconds") {

@@ -112,7 +112,7 @@ TEST_CASE("control: an exclusive writer is shown, and others are busy until it e
   CHECK(other.write(1016, {100}) == Exception::kBusy);
   CHECK(other.write(1009, {0}) == Exception::kBusy);
   CHECK(other.write(1000, {3, 1}) == Exception::kBusy);
-  CHECK(other.write(1006, {1}) == Exception::kBusy);
+  CHECK(other.write(1006, {1}) == Exception::kNone);  // the master's watchdog goes on
   CHECK(plc.write(1016, {100}) == Exception::kNone);
   CHECK(plc.write(1009, {0}) == Exception::kNone);
   CHECK(other.read(1207) == 0);
@@ -120,6 +120,9 @@ TEST_CASE("control: an exclusive writer is shown, and others are busy until it e
   CHECK(plc.write(1009, {1}) == Exception::kNone);
   CHECK(other.write(1016, {102}, 29 * kSecond) == Exception::kBusy);
   CHECK(other.write(1016, {102}, 31 * kSecond) == Exception::kNone);  // its own unlock was renewed at 29 s
+  plc.write(1004, {kDefaultWriteKey}, 32 * kSecond);
+  CHECK(other.read(1009) == 0);  // the key alone does not make it exclusive again
+  CHECK(other.write(1016, {103}, 33 * kSecond) == Exception::kNone);
 }
 
 TEST_CASE("control: the master is lost when register 1006 is not written in time, and back when it is") {

@@ -19,6 +19,16 @@ TEST_CASE("write lock: a wrong key takes nothing away from a client of the same 
   CHECK(lock.renew(kPlc, 2));
 }
 
+TEST_CASE("write lock: while its address must wait, a client that is unlocked stays so with the right key") {
+  WriteLock lock(kKey);
+  CHECK(lock.try_key(kKey, kPlc, 0) == Exception::kNone);
+  for (int i = 0; i < 5; ++i) lock.try_key(1, kPlc, kSecond);
+  CHECK(lock.try_key(1, kPlc, kSecond) == Exception::kBusy);
+  CHECK(lock.try_key(kKey, kPlc, kSecond) == Exception::kNone);
+  CHECK(lock.is_unlocked(kPlc, 30 * kSecond));
+  CHECK(lock.try_key(1, kPlc, kSecond + 1) == Exception::kBusy);  // the wait goes on
+}
+
 TEST_CASE("write lock: after two wrong keys the wait doubles from 1 to 64 s, and no key is looked at meanwhile") {
   WriteLock lock(kKey);
   std::int64_t now_ns = 0;
