@@ -88,6 +88,12 @@ std::vector<PressureSpot> pressure_spots(const PushedFinger& finger, const FaceC
   return spots;
 }
 
+Eigen::Vector3d spot_force_n(const FaceContact& contact, const PressureSpot& spot, double normal_n,
+                             const Eigen::Matrix3d& R) {
+  const Eigen::Vector3d direction(1, contact.friction.x(), contact.friction.y());
+  return normal_n * spot.share * (R * (face_axes(spot.at.inward) * direction));
+}
+
 ContactLoad::ContactLoad(const PushedFinger& finger, const std::vector<FaceContact>& contacts) : finger_(finger) {
   for (const FaceContact& contact : contacts) {
     Patch patch;
@@ -121,11 +127,9 @@ void ContactLoad::forces(double normal_n, const ElasticState& guess, PushedFinge
       patch.spots = pressure_spots(finger_, patch.contact, share_n);
       patch.force_n.resize(patch.spots.size());
     }
-    const Eigen::Vector3d direction(1, patch.contact.friction.x(), patch.contact.friction.y());
     for (std::size_t i = 0; i < patch.spots.size(); ++i) {
-      const PressureSpot& spot = patch.spots[i];
-      patch.force_n[i] = share_n * spot.share * (patch.R * (face_axes(spot.at.inward) * direction));
-      finger_.add_force(spot.at, patch.force_n[i], load);
+      patch.force_n[i] = spot_force_n(patch.contact, patch.spots[i], share_n, patch.R);
+      finger_.add_force(patch.spots[i].at, patch.force_n[i], load);
     }
   }
 }

@@ -47,6 +47,10 @@ struct PressureSpot {
 /// beside the face carry nothing; empty if all of it does.
 std::vector<PressureSpot> pressure_spots(const PushedFinger& finger, const FaceContact& contact, double normal_n);
 
+/// The spot's part of the contact's force (N, finger frame) at this normal force, where the face has turned by `R`.
+Eigen::Vector3d spot_force_n(const FaceContact& contact, const PressureSpot& spot, double normal_n,
+                             const Eigen::Matrix3d& R);
+
 /// The load of some contacts on one finger.
 class ContactLoad {
  public:

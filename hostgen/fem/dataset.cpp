@@ -39,10 +39,10 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
 
 // A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
 // state that was found; so do the higher forces of its path, which are not tried.
-void walk_path(FingerStatics& statics, const LinearResponse& response, const FingerSpec& spec, const TetMesh& mesh,
-               std::int32_t index, FemDataset& path) {
-  const std::array<double, 2>& range_n = spec.force_n;
-  statics.begin(path_contacts(spec, path.plan, index));
+void walk_path(FingerStatics& statics, const LinearResponse& response, const TetMesh& mesh,
+               const std::vector<FaceContact>& contacts, std::int32_t index, const std::array<double, 2>& range_n,
+               FemDataset& path) {
+  statics.begin(contacts);
   Outcome outcome = Outcome::kEquilibrium;
   for (int k = 0; k < path.plan.forces; ++k) {
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
@@ -68,10 +68,13 @@ std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t
 
 }  // namespace
 
-std::vector<FaceContact> path_contacts(const FingerSpec& spec, const DatasetPlan& plan, std::int32_t path) {
-  const Vec3f place = touch_points(spec, plan.points).at(static_cast<std::size_t>(path));
-  Random random(static_cast<std::uint64_t>(path));
-  return draw_contacts(spec, spec.scene(plan.scene), place.head<2>().cast<double>(), random);
+std::vector<std::vector<FaceContact>> path_contacts(const FingerSpec& spec, const DatasetPlan& plan) {
+  std::vector<std::vector<FaceContact>> paths;
+  for (const Vec3f& place : touch_points(spec, plan.points)) {
+    Random random(paths.size());
+    paths.push_back(draw_contacts(spec, spec.scene(plan.scene), place.head<2>().cast<double>(), random));
+  }
+  return paths;
 }
 
 std::size_t FemDataset::count(Outcome outcome) const {
@@ -87,6 +90,7 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
   for (std::size_t i = first; i < static_cast<std::size_t>(plan.points); i += stride) indices.push_back(i);
   const auto finger = std::make_shared<const PushedFinger>(spec, mesh);
   const LinearResponse response(*finger);
+  const std::vector<std::vector<FaceContact>> contacts = path_contacts(spec, plan);
   std::vector<FemDataset> paths(indices.size(), empty);
   {
     Progress progress("finite-element load paths", indices.size());
@@ -109,7 +113,7 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
           statics = std::make_unique<FingerStatics>(finger);
           owner = finger;
         }
-        walk_path(*statics, response, spec, mesh, static_cast<std::int32_t>(i), paths[slot]);
+        walk_path(*statics, response, mesh, contacts[i], static_cast<std::int32_t>(i), spec.force_n, paths[slot]);
         if (!resume.empty()) write_dataset(file, paths[slot]);
       }
       progress.advance();

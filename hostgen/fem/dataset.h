@@ -36,6 +36,9 @@ struct FemState {
   bool valid() const { return outcome == Outcome::kEquilibrium; }
 };
 
+/// For FemState::moment_nmm where moments are told in N m.
+inline constexpr double kNmmPerNm = 1000;
+
 /// Which loads make a set, and on which mesh. Sets of the same plan are parts of one and can be merged.
 struct DatasetPlan {
   int points = 60;              ///< touched points, spread evenly over the front face: one path of forces each
@@ -43,8 +46,8 @@ struct DatasetPlan {
   std::string scene = "probe";  ///< of the spec: what touches there
 };
 
-/// The contacts of a path. The same arguments give the same contacts.
-std::vector<FaceContact> path_contacts(const FingerSpec& spec, const DatasetPlan& plan, std::int32_t path);
+/// The contacts of every path, in their order. The same arguments give the same contacts.
+std::vector<std::vector<FaceContact>> path_contacts(const FingerSpec& spec, const DatasetPlan& plan);
 
 /// States of some or all paths of a plan.
 struct FemDataset {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "hostgen/learn/state_interpolant.h"
+
 namespace finsight::host {
 
 namespace {
@@ -15,15 +17,6 @@ using Numbers = PoseVectorOf<double>;
 constexpr double kRidge = 1e-4;  // of a feature's mean square
 // Below, more terms follow the states they were fitted to and miss others.
 constexpr std::size_t kStatesPerTerm = 8;
-
-PoseVector pose_numbers(const FemState& state) {
-  PoseVector numbers;
-  for (int p = 0; p < kPlates; ++p) {
-    numbers.segment<3>(6 * p) = state.plates[static_cast<std::size_t>(p)].displacement_mm;
-    numbers.segment<3>(6 * p + 3) = state.plates[static_cast<std::size_t>(p)].rotation_rad;
-  }
-  return numbers;
-}
 
 /// Least squares with a penalty; every feature is first scaled to a mean square of 1. [features, outputs]
 Eigen::MatrixXd ridge(Eigen::MatrixXd features, const Eigen::MatrixXd& outputs) {
@@ -88,7 +81,7 @@ ResponseSurface::ResponseSurface(const std::vector<FemState>& states, const std:
   for (Eigen::Index i = 0; i < count; ++i) {
     const FemState& state = *valid[static_cast<std::size_t>(i)];
     linear.row(i) = state.linear.cast<double>();
-    added.row(i) = (pose_numbers(state) - state.linear).cast<double>();
+    added.row(i) = (touch_sample(state).numbers - state.linear).cast<double>();
     displacement.row(i) = (state.contact_mm - state.point_mm).cast<double>();
   }
   const Eigen::MatrixXd whitened = linear * by_noise.asDiagonal();

@@ -1,7 +1,8 @@
 #include "hostgen/learn/scene_touches.h"
 
+#include <algorithm>
 #include <cmath>
-#include <map>
+#include <set>
 
 #include "firmware/geometry/so3.h"
 #include "hostgen/fem/scene_contacts.h"
@@ -11,8 +12,6 @@
 namespace finsight::host {
 
 namespace {
-
-constexpr double kNmmPerNm = 1000;
 
 /// Loads of contacts as the linear response and statics see them.
 struct Loads {
@@ -25,29 +24,33 @@ class Neighbourhood {
  public:
   Neighbourhood(const PushedFinger& finger, const LinearResponse& response, const DatasetPlan& plan,
                 const std::vector<FemState>& states)
-      : finger_(finger), response_(response), plan_(plan), surface_(states, finger.spec.noise) {
+      : finger_(finger),
+        response_(response),
+        plan_(plan),
+        surface_(states, finger.spec.noise),
+        contacts_(path_contacts(finger.spec, plan)) {
+    const FingerSpec& spec = finger.spec;
+    std::set<std::int32_t> paths;
     for (const FemState& state : states) {
-      if (state.valid() && !contacts_.contains(state.path)) {
-        contacts_[state.path] = path_contacts(finger.spec, plan, state.path);
-      }
+      if (state.valid()) paths.insert(state.path);
     }
+    const double area_mm2 = 2 * (spec.touch_y_mm[1] - spec.touch_y_mm[0]) * spec.half_width.at(spec.touch_y_mm[0]);
+    step_mm_ = std::clamp(std::sqrt(area_mm2 / static_cast<double>(paths.size())), 2.0, 5.0);
   }
 
   /// `state` after a change of its contacts by about as much as neighbouring paths differ.
   TouchSample near(const FemState& state, Random& random) const {
     const FingerSpec& spec = finger_.spec;
     const Scene& scene = spec.scene(plan_.scene);
-    const double area_mm2 = 2 * (spec.touch_y_mm[1] - spec.touch_y_mm[0]) * spec.half_width.at(spec.touch_y_mm[0]);
-    const double spacing_mm = std::sqrt(area_mm2 / static_cast<double>(contacts_.size()));
     const double step_n = (spec.force_n[1] - spec.force_n[0]) / std::max(1, plan_.forces - 1);
     const bool is_lowest = static_cast<double>(state.force_n) < spec.force_n[0] + 0.5 * step_n;
     const double lowest_n = is_lowest ? 0 : static_cast<double>(state.force_n) - 0.5 * step_n;
     const double force_n = random.uniform(lowest_n, static_cast<double>(state.force_n) + 0.5 * step_n);
 
-    const std::vector<FaceContact>& contacts = contacts_.at(state.path);
+    const std::vector<FaceContact>& contacts = contacts_.at(static_cast<std::size_t>(state.path));
     std::vector<FaceContact> changed;
     for (const FaceContact& contact : contacts) {
-      changed.push_back(vary(spec, scene, contact, std::clamp(spacing_mm, 2.0, 5.0), random));
+      changed.push_back(vary(spec, scene, contact, step_mm_, random));
     }
     // The face turns about as the plates do. That only has to be near: what the force is called, is what it is.
     const Eigen::Vector3d turn =
@@ -63,9 +66,8 @@ class Neighbourhood {
     for (const FaceContact& contact : contacts) {
       const double share_n = contact.share * normal_n;
       const Eigen::Matrix3d R = so3_exp(Eigen::Vector3d(contact.follow * turn));
-      const Eigen::Vector3d direction(1, contact.friction.x(), contact.friction.y());
       for (const PressureSpot& spot : pressure_spots(finger_, contact, share_n)) {
-        const Eigen::Vector3d force_n = share_n * spot.share * (R * (face_axes(spot.at.inward) * direction));
+        const Eigen::Vector3d force_n = spot_force_n(contact, spot, share_n, R);
         sum.linear += response_.of(spot.at, force_n);
         sum.point_mm += contact.share * spot.share * spot.at.at_mm;
         sum.force_n += force_n;
@@ -99,7 +101,8 @@ class Neighbourhood {
   const LinearResponse& response_;
   const DatasetPlan& plan_;
   ResponseSurface surface_;
-  std::map<std::int32_t, std::vector<FaceContact>> contacts_;
+  const std::vector<std::vector<FaceContact>> contacts_;  ///< of every path
+  double step_mm_ = 0;  ///< by which contacts are moved: about as far as neighbouring paths are apart
 };
 
 }  // namespace

@@ -11,7 +11,6 @@ namespace finsight::host {
 
 namespace {
 
-constexpr float kNmmPerNm = 1000;
 constexpr int kMinPoints = 10;
 // Scales coordinates to about one, for the condition of the spline's system.
 constexpr double kLength_mm = 50.0;
@@ -32,7 +31,7 @@ TouchSample touch_sample(const FemState& state) {
   sample.displacement_mm = state.contact_mm - state.point_mm;
   sample.force_n = state.force_n;
   sample.force_vector_n = state.force_vector_n;
-  sample.moment_nm = state.moment_nmm / kNmmPerNm;
+  sample.moment_nm = state.moment_nmm / static_cast<float>(kNmmPerNm);
   return sample;
 }
 

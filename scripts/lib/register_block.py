@@ -25,7 +25,7 @@ def read_table():
 
 ADDRESS, VALUES = read_table()
 STATUS_BIT = {name: 1 << number for name, number in VALUES["status"].items()}
-MEASUREMENTS = 81  # registers
+MEASUREMENTS = ADDRESS["scene"] + 1  # registers; the scene is the last
 
 
 def signed(word):
