@@ -69,8 +69,8 @@ Arguments parse(int argc, char** argv) {
     } else if (word == "--safe-outputs") {
       arguments.safe_outputs = true;
     } else {
-      throw InputError("\"" + word + "\"", word.starts_with("-") ? "unknown option (try --help)"
-                                                               : "belongs to no option (try --help)");
+      throw InputError("\"" + word + "\"",
+                       word.starts_with("-") ? "unknown option (try --help)" : "belongs to no option (try --help)");
     }
   }
   if (arguments.settings.empty()) throw InputError("--settings", "is missing (try --help)");
@@ -79,6 +79,16 @@ Arguments parse(int argc, char** argv) {
 
 /// Exit codes; kStartAgain is start()'s alone: it is to be called again.
 enum ExitCode : int { kStartAgain = -1, kDone = 0, kFailed = 1, kInputRefused = 2, kSelfTestFailed = 3 };
+
+/// A page that cannot be shown is no reason not to measure.
+void open_page(const Settings& settings, const Model& model, const std::optional<SessionInfo>& images,
+               const MountModel& mount, std::optional<PagePublisher>& page) {
+  try {
+    page.emplace(settings, model, images, mount);
+  } catch (const std::exception& error) {
+    log_message(std::string(error.what()) + "; the page (page.folder) will show no live values");
+  }
+}
 
 /// The work itself. Opens everything in an order in which every thread starts before the loop becomes real-time.
 int measure(const Arguments& arguments, const Settings& settings) {
@@ -103,6 +113,8 @@ int measure(const Arguments& arguments, const Settings& settings) {
   if (!settings.recordings.empty() && images) {
     recorder.emplace(settings.recordings, *images, Recorder::Limits{settings.record_max_s, settings.record_reserve_mb});
   }
+  std::optional<PagePublisher> page;
+  if (settings.page) open_page(settings, model, images, loop_settings.mount.value_or(model.mount), page);
   DigitalOutputs outputs(settings.gpio);
   Control control(settings.write_key, settings.loop.runtime, saved.state.settings);
   const int timeout_ms = frame_timeout_ms(settings);
@@ -115,7 +127,8 @@ int measure(const Arguments& arguments, const Settings& settings) {
   log_message("Modbus TCP on " + settings.modbus.address + ":" + std::to_string(server.port()));
   RegisterLog log(arguments.registers);
   make_realtime(settings.realtime);
-  const Device device{source, loop, commands, server, outputs, log, health, recorder ? &*recorder : nullptr};
+  const Device device{
+      source, loop, commands, server, outputs, log, health, recorder ? &*recorder : nullptr, page ? &*page : nullptr};
   if (!run_loop(device, timeout_ms, stop_requested)) {
     throw std::runtime_error("gpio: the outputs can no longer be set");
   }

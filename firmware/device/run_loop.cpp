@@ -13,6 +13,9 @@ void record(Recorder* recorder, const Frame& frame, const RegisterImage& image) 
 }
 void record(Recorder*, const Observation&, const RegisterImage&) {}  // there is no image to record
 
+const Frame* picture_of(const Frame& frame) { return &frame; }
+const Frame* picture_of(const Observation&) { return nullptr; }
+
 template <class Sample>
 bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomic<bool>& stop) {
   Supervisor supervisor;
@@ -34,6 +37,9 @@ bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomi
     if (has_frame) {
       device.log.add(image);
       record(device.recorder, sample, image);
+    }
+    if (device.page) {
+      device.page->publish(device.loop, image, has_frame ? picture_of(sample) : nullptr, steady_now_ns() - now_ns);
     }
     const LoopState& state = device.loop.state();
     device.health.note(image, has_frame, now_ns, steady_now_ns(),

@@ -6,6 +6,7 @@
 #include "firmware/device/commands.h"
 #include "firmware/device/health.h"
 #include "firmware/device/outputs.h"
+#include "firmware/device/page_publisher.h"
 #include "firmware/device/register_log.h"
 #include "firmware/device/source.h"
 #include "firmware/modbus/server.h"
@@ -22,7 +23,8 @@ struct Device {
   DigitalOutputs& outputs;
   RegisterLog& log;
   Health& health;
-  Recorder* recorder;  ///< may be null
+  Recorder* recorder;   ///< may be null
+  PagePublisher* page;  ///< may be null
 };
 
 /// Runs until `stop` is set, the recording ends, or a client orders a reset. Waits at most `timeout_ms` for a frame.

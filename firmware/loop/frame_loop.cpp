@@ -13,7 +13,10 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, cons
       filter_(settings.smoothing_ms),
       shape_(model, settings.shape),
       touch_(model) {
-  if (camera) observer_.emplace(settings.mount.value_or(model.mount), model.prior, *camera);
+  if (camera) {
+    observer_.emplace(settings.mount.value_or(model.mount), model.prior, *camera);
+    view_.corners = &observer_->corners();
+  }
   state_.model_checksum = model.checksum;
   state_.scene = scene_code(model.scene);
   state_.rated_deformation_mm = model.rated_deformation_mm;
@@ -50,6 +53,8 @@ const RegisterImage& FrameLoop::process(Observation seen, StageClock clock) {
   judge(seen, shape, touch);
   process_.update(seen, poses, shape, touch, state_.limits, state_.settings);
   const RegisterImage& registers = publish(seen, poses, shape, touch);
+  view_.poses = poses;
+  view_.shape = shape;
   clock.lap(times_.registers);
   clock.finish(times_.frame);
   return registers;

@@ -57,6 +57,14 @@ class FrameLoop {
   const StageTimes& times() const { return times_; }
   const LoopState& state() const { return state_; }
 
+  /// What the last frame became on its way, for those who show it; valid until the next one.
+  struct View {
+    const MarkerCorners* corners = nullptr;  ///< null without a camera
+    PlatePoses poses{};                      ///< as judged: zeroed, smoothed, held
+    FingerShape shape{};
+  };
+  const View& view() const { return view_; }
+
  private:
   const RegisterImage& process(Observation seen, StageClock clock);
   void zero(Observation& seen);
@@ -82,6 +90,7 @@ class FrameLoop {
   LoopState state_;
   StageTimes times_;
   RegisterImage registers_;
+  View view_;
 };
 
 }  // namespace finsight

@@ -139,13 +139,13 @@ SerialSettings read_serial(TomlTable table) {
   return serial;
 }
 
-std::vector<Network> read_networks(TomlTable& table, const char* key) {
+std::vector<Network> read_networks(TomlTable& table, const char* key, const std::string& section = "modbus") {
   std::vector<Network> networks;
   if (!table.has(key)) return networks;
   for (const std::string& text : table.texts(key)) {
     const auto network = Network::parse(text);
     if (!network) {
-      throw InputError(table.where(key), std::string("modbus.") + key, "\"" + text + "\"",
+      throw InputError(table.where(key), section + "." + key, "\"" + text + "\"",
                        "an address or a network, such as \"192.168.0.7\" or \"192.168.0.0/24\"");
     }
     networks.push_back(*network);
@@ -194,6 +194,21 @@ void read_modbus(TomlTable table, Settings& settings) {
       low_word_first ? value_named("word_order", "CDAB") : value_named("word_order", "ABCD");
   if (table.has("serial")) modbus.serial = read_serial(table.table("serial"));
   table.finish();
+}
+
+PageSettings read_page(TomlTable table) {
+  PageSettings page;
+  page.address = table.text("address", page.address);
+  if (!is_ipv4(page.address, false)) {
+    throw InputError(table.where("address"), "page.address", "\"" + page.address + "\"", "an IPv4 address");
+  }
+  page.port = static_cast<int>(table.integer("port", 1, 65535, page.port));
+  page.allow = read_networks(table, "allow", "page");
+  page.allow_writes = read_networks(table, "allow_writes", "page");
+  if (table.has("names")) page.names = table.texts("names");
+  if (table.has("folder")) page.folder = table.path("folder");
+  table.finish();
+  return page;
 }
 
 void read_realtime(TomlTable table, RealtimeSettings& realtime) {
@@ -295,6 +310,7 @@ Settings read_settings(const SettingsFiles& files) {
   if (root.has("storage")) read_storage(root.table("storage"), settings);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);
+  if (root.has("page")) settings.page = read_page(root.table("page"));
   if (root.has("device")) read_device(root.table("device"), settings);
   if (root.has("mount")) settings.mount = read_measured_mount(table_or_measured_file(root, "mount", settings));
   root.finish();
@@ -339,6 +355,7 @@ Settings read_usable_settings(const SettingsFiles& files) {
     read_storage(std::move(table), part);
     settings = part;
   });
+  read_usable(files, "page", [&](TomlTable table) { settings.page = read_page(std::move(table)); });
   read_usable(files, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
   return settings;
 }

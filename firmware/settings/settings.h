@@ -27,6 +27,16 @@ struct NetworkSettings {
   std::string gateway;  ///< empty: none
 };
 
+/// Of finsight-page, the commissioning page; finsightd publishes for it.
+struct PageSettings {
+  std::string address = "127.0.0.1";  ///< IPv4 address to listen on; "0.0.0.0" for all
+  int port = 80;
+  std::vector<Network> allow = {};                      ///< who may look; empty: everybody
+  std::vector<Network> allow_writes = {};               ///< who of them may write with the key; empty: all
+  std::vector<std::string> names = {};                  ///< that browsers may call the device by, besides its addresses
+  std::filesystem::path folder = "/run/finsight-page";  ///< of the published block
+};
+
 struct Settings {
   std::filesystem::path pack;
   enum class Source { kSession, kPoses, kCamera } source = Source::kSession;
@@ -44,6 +54,7 @@ struct Settings {
   int record_reserve_mb = 100;        ///< room on the disk that recordings leave free
   RealtimeSettings realtime;
   NetworkSettings network;
+  std::optional<PageSettings> page;                   ///< nothing: there is no page
   std::string serial_number;                          ///< empty: the board's own
   std::uint32_t calibration_date = 0;                 ///< as 20261122; 0: that of the newest of measured_files
   std::vector<std::filesystem::path> measured_files;  ///< that lens and mount come from

@@ -21,6 +21,7 @@ class MarkerStage {
   /// size are not seen; neither is any in a frame without an image or of another size than the camera's. Allocates
   /// (OpenCV does), never throws.
   const MarkerCorners& find(const Frame& frame);
+  const MarkerCorners& last() const { return corners_; }  ///< what find() returned
 
  private:
   void follow(const ImageView& image);

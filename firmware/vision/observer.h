@@ -18,6 +18,8 @@ class Observer {
   /// `zero` is where the rigid motion of the whole finger, if all plates are seen, is counted from. Allocates (OpenCV
   /// does), never throws.
   Observation observe(const Frame& frame, const ZeroPose& zero);
+  /// Those of the last image that did not repeat an earlier one.
+  const MarkerCorners& corners() const { return markers_.last(); }
 
  private:
   ImageCheck check_;

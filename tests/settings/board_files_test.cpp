@@ -152,3 +152,18 @@ TEST_CASE("board files: ambiguous or incomplete outputs are refused") {
   CHECK(says(refusal(kGpio.substr(0, kGpio.find("contact ="))), "contact, overload, healthy, light or trigger"));
   CHECK(says(refusal(with(kGpio, "chip = \"/dev/gpiochip0\"\n", "")), "chip"));
 }
+
+TEST_CASE("board files: without [page] there is no page; with it, its keys are read and checked") {
+  CHECK(!read(kCamera).page);
+  const Settings settings =
+      read(kCamera + "[page]\nport = 8080\nallow = [\"10.0.0.0/8\"]\nnames = [\"finger.lan\"]\nfolder = \"/tmp/p\"\n");
+  REQUIRE(settings.page);
+  CHECK(settings.page->address == "127.0.0.1");
+  CHECK(settings.page->port == 8080);
+  CHECK(settings.page->allow.size() == 1);
+  CHECK(settings.page->folder == "/tmp/p");
+  CHECK(says(refusal(kCamera + "[page]\nport = 0\n"), "page.port"));
+  CHECK(says(refusal(kCamera + "[page]\naddress = \"finger\"\n"), "page.address"));
+  CHECK(says(refusal(kCamera + "[page]\nallow_writes = [\"all\"]\n"), "page.allow_writes"));
+  CHECK(says(refusal(kCamera + "[page]\ncolour = \"red\"\n"), "colour"));
+}
