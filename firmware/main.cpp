@@ -49,6 +49,14 @@ struct Arguments {
   bool check = false, safe_outputs = false;
 };
 
+/// That of --safe-mode: a number, or a signal's name, as systemd's MONITOR_EXIT_STATUS has them.
+void check_exit_code(const std::string& code) {
+  const bool is_number = code.find_first_not_of("0123456789") == std::string::npos;
+  const bool is_signal = code.find_first_not_of("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789+-") == std::string::npos;
+  if (is_signal && (!is_number || code.size() <= 3)) return;
+  throw InputError("--safe-mode", "code", "\"" + code + "\"", "an exit code, or a signal such as ABRT");
+}
+
 /// Throws InputError naming the option.
 Arguments parse(int argc, char** argv) {
   Arguments arguments;
@@ -63,6 +71,7 @@ Arguments parse(int argc, char** argv) {
     if (option != std::end(valued)) {
       const bool has_value = i + 1 < argc && *argv[i + 1] && std::strncmp(argv[i + 1], "--", 2) != 0;
       if (!has_value) throw InputError(word, "needs a value (try --help)");
+      if (!option->second->empty()) throw InputError(word, "is given twice");
       *option->second = argv[++i];
     } else if (word == "--check") {
       arguments.check = true;
@@ -74,6 +83,10 @@ Arguments parse(int argc, char** argv) {
     }
   }
   if (arguments.settings.empty()) throw InputError("--settings", "is missing (try --help)");
+  const int instead = arguments.check + arguments.safe_outputs + !arguments.network.empty() +
+                      !arguments.safe_mode.empty() + !arguments.registers.empty();
+  if (instead > 1) throw InputError("--registers, --check, --safe-outputs, --network, --safe-mode", "only one of them");
+  check_exit_code(arguments.safe_mode);
   return arguments;
 }
 
@@ -120,7 +133,7 @@ int measure(const Arguments& arguments, const Settings& settings) {
   const int timeout_ms = frame_timeout_ms(settings);
   Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved.state,
                     kNsPerMs * timeout_ms);
-  control.identify(identity_of(settings, model));
+  control.identify(identity_of(settings, &model));
   const Thermometer thermometer(control);
   Health health(control);
   ModbusServer server(settings.modbus, control, log_message);

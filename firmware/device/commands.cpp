@@ -79,11 +79,11 @@ std::optional<CommandResult> Commands::start(Command command) {
       reset_at_ns_ = steady_now_ns() + kResultIsShownNs;
       return CommandResult::kDone;
     case Command::kTareForce:
-      return done_if(loop_.process_values().tare_force());
+      return tare(ProcessValues::Tare::kForce);
     case Command::kTareDeformation:
-      return done_if(loop_.process_values().tare_deformation());
+      return tare(ProcessValues::Tare::kDeformation);
     case Command::kTareTouch:
-      return done_if(loop_.process_values().tare_touch());
+      return tare(ProcessValues::Tare::kTouch);
     case Command::kClearTare:
       loop_.process_values().clear_tare();
       return CommandResult::kDone;
@@ -110,13 +110,27 @@ std::optional<CommandResult> Commands::record(bool start) {
   return std::nullopt;
 }
 
+std::optional<CommandResult> Commands::tare(ProcessValues::Tare tare) {
+  // Whoever ordered it during a stall saw no valid value.
+  if (control_.stalled_since_ns(loop_.registers(), steady_now_ns()) != 0) return CommandResult::kNotPossible;
+  loop_.process_values().order_tare(tare);
+  return std::nullopt;
+}
+
 std::optional<CommandResult> Commands::outcome() {
   switch (running_) {
     case Command::kZero: {
       const auto done = loop_.zeroing().take_outcome();
       if (!done) return std::nullopt;
       zero_changed_ = zero_changed_ || *done;
-      return *done ? CommandResult::kDone : CommandResult::kNotPossible;
+      return done_if(*done);
+    }
+    case Command::kTareForce:
+    case Command::kTareDeformation:
+    case Command::kTareTouch: {
+      const auto done = loop_.process_values().take_tare_outcome();
+      if (!done) return std::nullopt;
+      return done_if(*done);
     }
     case Command::kSave: {
       const auto done = saver_->outcome();

@@ -32,6 +32,7 @@ class Commands {
   std::optional<CommandResult> start(Command command);
   std::optional<CommandResult> outcome();
   std::optional<CommandResult> record(bool start);
+  std::optional<CommandResult> tare(ProcessValues::Tare tare);
   SavedState current() const { return {settings_, loop_.zeroing().zero()}; }
 
   Control& control_;

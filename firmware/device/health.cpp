@@ -4,15 +4,22 @@
 
 namespace finsight {
 
+/// Whether the block published last is stalled.
+bool Health::note_stall(std::int64_t now_ns) {
+  const std::int64_t since_ns = control_.stalled_since_ns(last_, now_ns);
+  if (since_ns != 0) health_.note_fault(static_cast<std::uint16_t>(FaultCode::kStalled), since_ns);
+  return since_ns != 0;
+}
+
+void Health::begin_turn(std::int64_t now_ns) {
+  if (note_stall(now_ns)) control_.show_health(health_);
+}
+
 void Health::note(const RegisterImage& image, bool has_frame, std::int64_t began_ns, std::int64_t ended_ns,
                   const Counts& counts) {
-  const std::int64_t stale_after_ns = control_.stale_after_ns();
-  if (last_ended_ns_ != 0 && ended_ns - last_ended_ns_ > stale_after_ns) {
-    constexpr auto kStalled = static_cast<std::uint16_t>(FaultCode::kStalled);
-    health_.note_past_fault(kStalled, last_ended_ns_ + stale_after_ns, ended_ns);
-  }
-  last_ended_ns_ = ended_ns;
-  health_.note_fault(image.words[address_of("fault")], ended_ns);
+  note_stall(ended_ns);  // the turn itself may have taken too long
+  last_ = image;
+  if (!note_stall(ended_ns)) health_.note_fault(image.words[address_of("fault")], ended_ns);
   health_.frames = counts.frames;
   health_.dropped = counts.dropped;
   health_.camera_losses = counts.camera_losses;

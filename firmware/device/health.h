@@ -13,16 +13,20 @@ class Health {
   struct Counts {
     std::uint32_t frames = 0, dropped = 0, camera_losses = 0;
   };
+  /// Before each turn of the loop: if the block published last is stalled by now, that is a fault until note().
+  void begin_turn(std::int64_t now_ns);
   /// After each turn of the loop, which worked from `began_ns` to `ended_ns` (steady clock) and published `image`.
-  /// `has_frame`: there was one. A turn that begins later than a block may be old was a stall.
+  /// `has_frame`: there was one.
   void note(const RegisterImage& image, bool has_frame, std::int64_t began_ns, std::int64_t ended_ns,
             const Counts& counts);
 
  private:
+  bool note_stall(std::int64_t now_ns);
   static constexpr std::int64_t kWindow_ns = kNsPerS;
   Control& control_;
   LoopHealth health_;
-  std::int64_t window_began_ns_ = 0, window_busy_ns_ = 0, last_ended_ns_ = 0;
+  RegisterImage last_{};
+  std::int64_t window_began_ns_ = 0, window_busy_ns_ = 0;
   std::uint32_t window_frames_ = 0;
 };
 

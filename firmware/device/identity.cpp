@@ -47,11 +47,14 @@ std::uint32_t day_of_newest(const std::vector<fs::path>& files) {
 
 }  // namespace
 
-DeviceIdentity identity_of(const Settings& settings, const Model& model) {
-  DeviceIdentity identity{.model_checksum = model.checksum,
-                          .calibration_date = settings.calibration_date,
-                          .model_name = model.finger_name,
-                          .serial_number = settings.serial_number};
+DeviceIdentity identity_of(const Settings& settings, const Model* model) {
+  DeviceIdentity identity;
+  identity.calibration_date = settings.calibration_date;
+  identity.serial_number = settings.serial_number;
+  if (model) {
+    identity.model_checksum = model->checksum;
+    identity.model_name = model->finger_name;
+  }
   if (identity.serial_number.empty()) {
     identity.serial_number = first_line("/sys/firmware/devicetree/base/serial-number");
   }

@@ -12,10 +12,10 @@
 
 namespace finsight {
 
-/// Model, serial number (the board file's, or else the board's own from its device tree, or else 16 digits made from
-/// the machine id) and date of calibration (the board file's, or else the day on which the newest of the files with
-/// lens and mount was written).
-DeviceIdentity identity_of(const Settings& settings, const Model& model);
+/// Model (none where it cannot be opened: null), serial number (the board file's, or else the board's own from its
+/// device tree, or else 16 digits made from the machine id) and date of calibration (the board file's, or else the day
+/// on which the newest of the files with lens and mount was written).
+DeviceIdentity identity_of(const Settings& settings, const Model* model);
 
 /// Reads the processor's temperature once a second in a thread of its own, because some sensors take milliseconds.
 class Thermometer {

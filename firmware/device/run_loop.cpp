@@ -26,6 +26,7 @@ bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomi
     const bool has_frame = source.next(sample, timeout_ms);
     if (!has_frame && source.ended()) return true;
     const std::int64_t now_ns = steady_now_ns();
+    device.health.begin_turn(now_ns);
     device.commands.poll();
     if (device.outputs.trigger_rises()) device.commands.trigger();
     const RegisterImage& image = has_frame ? device.loop.step(sample) : device.loop.step_without_frame(now_ns);

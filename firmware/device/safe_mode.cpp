@@ -5,6 +5,7 @@
 #include <thread>
 
 #include "firmware/device/commands.h"
+#include "firmware/device/identity.h"
 #include "firmware/device/log.h"
 #include "firmware/device/saved_state.h"
 #include "firmware/device/supervisor.h"
@@ -31,6 +32,19 @@ RuntimeSettings saved_settings(const Settings& settings) {
   return loaded.state.settings;
 }
 
+/// Without a model where it cannot be opened, or may be what ends the firmware.
+DeviceIdentity identity_in_safe_mode(const Settings& settings, FaultCode fault) {
+  if (fault != FaultCode::kFailedRepeatedly && !settings.pack.empty()) {
+    try {
+      const Model model = Model::open(settings.pack);
+      return identity_of(settings, &model);
+    } catch (const InputError&) {
+      // The settings' reader or the firmware's last start has said what is wrong.
+    }
+  }
+  return identity_of(settings, nullptr);
+}
+
 std::unique_ptr<ModbusServer> open_server_with_fallback(const ModbusSettings& settings, Control& control) {
   try {
     return std::make_unique<ModbusServer>(settings, control, log_message);
@@ -54,6 +68,7 @@ SafeMode::SafeMode(const SettingsFiles& files, FaultCode fault) : SafeMode(setti
 SafeMode::SafeMode(const Settings& settings, FaultCode fault)
     : control_(settings.write_key, settings.loop.runtime, saved_settings(settings)) {
   state_.fault = fault;
+  control_.identify(identity_in_safe_mode(settings, fault));
   try {
     outputs_.emplace(settings.gpio);
   } catch (const InputError& error) {
@@ -72,6 +87,8 @@ bool SafeMode::run(const std::atomic<bool>& stop) {
     state_.settings = control_.settings();
     encode_registers(PlatePoses{}, FingerShape{}, Touch{}, state_, image);
     server_->publish(image);
+    const std::int64_t now_ns = steady_now_ns();
+    health_.note(image, false, now_ns, now_ns, {});
     if (const auto command = control_.take_command()) {
       control_.finish(*command == Command::kReset ? CommandResult::kDone : CommandResult::kNotPossible);
       if (*command == Command::kReset) {

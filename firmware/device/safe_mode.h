@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 
+#include "firmware/device/health.h"
 #include "firmware/device/outputs.h"
 #include "firmware/modbus/server.h"
 #include "firmware/settings/settings.h"
@@ -14,8 +15,8 @@ namespace finsight {
 /// Where a client looks first, with all restrictions of `settings` kept: for when its own address and port do not work.
 ModbusSettings fallback_settings(const ModbusSettings& settings);
 
-/// Serves a fault and nothing that was measured. Needs neither model nor camera, and only those settings that are
-/// valid. Of the commands only reset is carried out.
+/// Serves a fault, who the device is, and nothing that was measured. Needs neither model nor camera, and only those
+/// settings that are valid. Of the commands only reset is carried out.
 class SafeMode {
  public:
   /// Opens outputs and server. Throws std::system_error if not even the fallback port can be opened.
@@ -27,6 +28,7 @@ class SafeMode {
  private:
   SafeMode(const Settings& settings, FaultCode fault);
   Control control_;
+  Health health_{control_};
   std::optional<DigitalOutputs> outputs_;  ///< never set, so they stay safe
   std::unique_ptr<ModbusServer> server_;
   LoopState state_;

@@ -56,6 +56,7 @@ class FrameLoop {
 
   const StageTimes& times() const { return times_; }
   const LoopState& state() const { return state_; }
+  const RegisterImage& registers() const { return registers_; }  ///< of the last frame
 
   /// What the last frame became on its way, for those who show it; valid until the next one.
   struct View {

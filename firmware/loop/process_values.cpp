@@ -23,14 +23,15 @@ void ProcessValues::update(const Observation& seen, const PlatePoses& poses, con
                            const Touch& touch, const ThresholdState& limits, const RuntimeSettings& settings) {
   readings_.lowpass_delay_ms = delay_of(settings);
   const auto value = [&](int which, float measured, Quality quality) {
-    show(which, measured, std::isfinite(measured) ? quality : Quality::kInvalid, seen.exposure_ns,
-         readings_.lowpass_delay_ms);
+    filter(which, measured, std::isfinite(measured) ? quality : Quality::kInvalid, seen.exposure_ns);
   };
   // A finger that moves as a whole is not deformed, whatever its shape says.
   const Quality deformation = seen.moved_as_one || seen.camera_moved ? Quality::kInvalid : shape.quality;
   value(kForceValue, touch.force_n, touch.quality);
   value(kDeformationValue, shape.front_rms_mm, deformation);
   for (int axis = 0; axis < 3; ++axis) value(kTouchX + axis, touch.point_mm[axis], touch.quality);
+  carry_out_tare();
+  for (int which = 0; which < kProcessValues; ++which) show(which);
   if (poses.quality != Quality::kFresh) return;
   watch(touch, limits);
   const float changes = static_cast<float>(settings[kGripChange] / kCountsPerUnit);
@@ -40,7 +41,7 @@ void ProcessValues::update(const Observation& seen, const PlatePoses& poses, con
   readings_.grip_steady = grip_.is_steady();
 }
 
-void ProcessValues::show(int value, float measured, Quality quality, std::int64_t now_ns, float delay_ms) {
+void ProcessValues::filter(int value, float measured, Quality quality, std::int64_t now_ns) {
   Channel& channel = channels_[value];
   channel.fresh = quality == Quality::kFresh;
   if (quality == Quality::kInvalid) {
@@ -52,9 +53,14 @@ void ProcessValues::show(int value, float measured, Quality quality, std::int64_
   const std::int64_t elapsed_ns = now_ns - channel.measured_ns;
   const bool follows = channel.measured_ns != 0 && elapsed_ns > 0 && elapsed_ns < kLongestGap_ns;
   const float elapsed_ms = static_cast<float>(elapsed_ns) * 1e-6F;
-  const float share = follows ? elapsed_ms / (delay_ms + elapsed_ms) : 1;
+  const float share = follows ? elapsed_ms / (readings_.lowpass_delay_ms + elapsed_ms) : 1;
   channel.filtered = follows ? channel.filtered + share * (measured - channel.filtered) : measured;
   channel.measured_ns = now_ns;
+}
+
+void ProcessValues::show(int value) {
+  const Channel& channel = channels_[value];
+  if (!channel.fresh) return;
   const float net = readings_.net[value] = channel.filtered - channel.offset;
   readings_.peak[value] = std::fmax(readings_.peak[value], net);  // of a number and NaN the number
   readings_.minimum[value] = std::fmin(readings_.minimum[value], net);
@@ -73,6 +79,21 @@ void ProcessValues::watch(const Touch& touch, const ThresholdState& limits) {
 void ProcessValues::note(ProcessEvent event) {
   readings_.event[event] = true;
   ++readings_.count[event];
+}
+
+void ProcessValues::carry_out_tare() {
+  if (!ordered_) return;
+  switch (*std::exchange(ordered_, std::nullopt)) {
+    case Tare::kForce:
+      outcome_ = tare(kForceValue, 1, readings_.force_tared);
+      break;
+    case Tare::kDeformation:
+      outcome_ = tare(kDeformationValue, 1, readings_.deformation_tared);
+      break;
+    case Tare::kTouch:
+      outcome_ = tare(kTouchX, 3, readings_.touch_tared);
+      break;
+  }
 }
 
 bool ProcessValues::tare(int first, int count, bool& is_tared) {

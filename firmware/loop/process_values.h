@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
+#include <utility>
 
 #include "firmware/loop/grip_watch.h"
 #include "firmware/modbus/registers.h"
@@ -20,10 +22,14 @@ class ProcessValues {
               const ThresholdState& limits, const RuntimeSettings& settings);
   const ProcessReadings& readings() const { return readings_; }
 
-  // What clients order; it shows with the next frame. Tares are refused (false) while the value is not fresh.
-  bool tare_force() { return tare(kForceValue, 1, readings_.force_tared); }
-  bool tare_deformation() { return tare(kDeformationValue, 1, readings_.deformation_tared); }
-  bool tare_touch() { return tare(kTouchX, 3, readings_.touch_tared); }
+  // What clients order; it shows with the next frame.
+
+  enum class Tare { kForce, kDeformation, kTouch };
+  /// Takes what counts as zero from the next frame, never from one that may be old; not if the value is not fresh
+  /// there.
+  void order_tare(Tare tare) { ordered_ = tare; }
+  /// Of the tare that was ordered last, once, after its frame: whether it was possible.
+  std::optional<bool> take_tare_outcome() { return std::exchange(outcome_, std::nullopt); }
   void clear_tare();
   void reset_peaks();
   void reset_events();
@@ -34,17 +40,21 @@ class ProcessValues {
  private:
   struct Channel {
     float filtered = 0, offset = 0;
-    bool fresh = false;            ///< in the last frame
+    bool fresh = false;            ///< in this frame
     std::int64_t measured_ns = 0;  ///< when filtered was last fresh; 0: the filter has nothing yet
   };
 
   bool tare(int first, int count, bool& is_tared);
+  void carry_out_tare();
   void forget_peaks(int value);
-  void show(int value, float measured, Quality quality, std::int64_t now_ns, float delay_ms);
+  void filter(int value, float measured, Quality quality, std::int64_t now_ns);
+  void show(int value);
   void note(ProcessEvent event);
   void watch(const Touch& touch, const ThresholdState& limits);
 
   std::array<Channel, kProcessValues> channels_;
+  std::optional<Tare> ordered_;
+  std::optional<bool> outcome_;
   bool in_contact_ = false, overloaded_ = false;
   GripWatch grip_;
   ProcessReadings readings_;

@@ -32,7 +32,8 @@ bool Control::has_registers(int first, int count) {
          is_in(kDiagnosticsAddress, kDiagnosticsRegisters, first, count);
 }
 
-void Control::read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns) {
+void Control::read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns,
+                   std::int64_t stalled_since_ns) {
   const std::lock_guard lock(mutex_);
   settle();
   const auto copy = [&](const auto& block, int address) {
@@ -40,7 +41,9 @@ void Control::read(int first, std::span<std::uint16_t> words, const ClientAccess
   };
   if (first >= kDiagnosticsAddress) {
     std::array<std::uint16_t, kDiagnosticsRegisters> block;
-    write_diagnostics(counts_, health_.read(), identity_, processor_temperature_degc_, started_ns_, now_ns,
+    LoopHealth health = health_.read();
+    if (stalled_since_ns != 0) health.mark_stalled(stalled_since_ns);
+    write_diagnostics(counts_, health, identity_, processor_temperature_degc_, started_ns_, now_ns,
                       has_low_word_first(settings_), block);
     copy(block, kDiagnosticsAddress);
   } else if (first >= kHistoryAddress) {
@@ -211,10 +214,10 @@ bool Control::is_master_lost(std::int64_t now_ns) {
   return now_ns - std::max<std::int64_t>(refreshed_ns_, guarded_since_ns_) > timeout_ns;
 }
 
-bool Control::is_stalled(const RegisterImage& image, std::int64_t now_ns) const {
-  if (image.exposure_ns == 0) return false;  // nothing was measured yet
-  const std::int64_t since_ns = image.words[0] & kCameraFault ? published_ns_.load() : image.exposure_ns;
-  return now_ns - since_ns > stale_after_ns_;
+std::int64_t Control::stalled_since_ns(const RegisterImage& image, std::int64_t now_ns) const {
+  if (image.exposure_ns == 0) return 0;  // nothing was measured yet
+  const std::int64_t made_ns = image.words[0] & kCameraFault ? published_ns_.load() : image.exposure_ns;
+  return now_ns - made_ns > stale_after_ns_ ? made_ns + stale_after_ns_ : 0;
 }
 
 }  // namespace finsight

@@ -58,8 +58,10 @@ class Control {
 
   /// Whether all of these registers exist in one block from 1000 on.
   static bool has_registers(int first, int count);
-  /// Reads registers from address `first` on, all of which must exist.
-  void read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
+  /// Reads registers from address `first` on, all of which must exist. `stalled_since_ns` is what stalled_since_ns()
+  /// says of the block of measurements that is served at the same time.
+  void read(int first, std::span<std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns,
+            std::int64_t stalled_since_ns = 0);
   /// Writes all or nothing; checks in this order: address, lock, busy, values.
   Exception write(int first, std::span<const std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
   RuntimeSettings settings_copy();
@@ -81,9 +83,9 @@ class Control {
   /// A block whose exposure is longer ago than this is stalled: the firmware hangs or gets no processor time. While the
   /// block reports a camera fault, which explains its age, the time counts from its publication.
   void set_stale_after(std::int64_t stale_after_ns) { stale_after_ns_ = stale_after_ns; }
-  std::int64_t stale_after_ns() const { return stale_after_ns_; }
   void note_publication(std::int64_t now_ns) { published_ns_ = now_ns; }
-  bool is_stalled(const RegisterImage& image, std::int64_t now_ns) const;
+  /// When the block became stalled; 0: it is not. For any thread.
+  std::int64_t stalled_since_ns(const RegisterImage& image, std::int64_t now_ns) const;
   /// Registers 1005, 1007 and 1008.
   void show_recording(std::uint16_t state, int seconds, int mb_left) {
     recording_ = state;

@@ -42,9 +42,10 @@ void LoopHealth::note_fault(std::uint16_t code, std::int64_t now_ns) {
   ++faults_counted;
 }
 
-void LoopHealth::note_past_fault(std::uint16_t code, std::int64_t began_ns, std::int64_t ended_ns) {
-  note_fault(code, began_ns);
-  note_fault(0, ended_ns);
+void LoopHealth::mark_stalled(std::int64_t since_ns) {
+  note_fault(value_named("fault", "stalled"), since_ns);
+  frame_rate_hz = 0;
+  load = std::numeric_limits<float>::quiet_NaN();
 }
 
 void write_diagnostics(const ServerCounts& counts, const LoopHealth& health, const DeviceIdentity& identity,

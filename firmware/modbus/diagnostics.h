@@ -36,8 +36,8 @@ struct LoopHealth {
 
   /// The fault that is published from now on; it may be the same as before.
   void note_fault(std::uint16_t code, std::int64_t now_ns);
-  /// One that was noticed only after its end: a stall. What stood before it is over, too.
-  void note_past_fault(std::uint16_t code, std::int64_t began_ns, std::int64_t ended_ns);
+  /// What clients are shown while the frame loop stalls and cannot tell it itself.
+  void mark_stalled(std::int64_t since_ns);
 };
 
 /// Since the start.

@@ -301,7 +301,7 @@ inline constexpr RegisterRow kHistory[] = {
 #undef FINSIGHT_HISTORY
 
 #define FINSIGHT_FAULT(n, address) \
-  row::code(address, "fault_" #n "_code", kFaults, "a fault since the start, the newest first"), \
+  row::code(address, "fault_" #n "_code", kFaults, "a fault since the start, the newest first; also one that stands"), \
   row::number(address + 1, "fault_" #n "_began", kUint32, 1, "s", "uptime when it began"), \
   row::measured(address + 3, "fault_" #n "_lasted", kUint16, 1, "s", "how long it stood", "it still stands")
 inline constexpr RegisterRow kDiagnostics[] = {
@@ -318,11 +318,11 @@ inline constexpr RegisterRow kDiagnostics[] = {
     row::count(3019, "exceptions_busy", kUint32, "exception 6"),
     row::count(3021, "wrong_keys", kUint32, "written to register 1004"),
     row::client(3023, "wrong_key_client", "that wrote the last one"),
-    row::measured(3025, "frame_rate", kUint16, 0.01, "Hz", "processed frames, over the last second", "not known yet"),
+    row::measured(3025, "frame_rate", kUint16, 0.01, "Hz", "processed frames, over the last second; 0 in a stall", "not known yet"),
     row::count(3026, "frames_processed", kUint32, ""),
     row::count(3028, "frames_dropped", kUint32, "register 34 without its limit"),
     row::measured(3030, "processor_temperature", kInt16, 0.1, "degC", "", "not known"),
-    row::measured(3031, "loop_load", kUint16, 1, "permille", "share of the frame time that the frame loop works, over the last second", "not known yet"),
+    row::measured(3031, "loop_load", kUint16, 1, "permille", "share of the frame time that the frame loop works, over the last second", "not known: just started, or stalled"),
     row::number(3032, "loop_longest", kUint16, 0.1, "ms", "longest frame since the start"),
     row::count(3033, "camera_losses", kUint16, "times that the camera was lost"),
     row::count(3034, "calibration_date", kUint32, "when lens or mount of this device were last measured, as 20261122; 0: not known"),

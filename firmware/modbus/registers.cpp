@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <string_view>
+#include <utility>
 
 #include "firmware/modbus/block_writer.h"
 
@@ -115,6 +116,11 @@ void write_time_since(BlockWriter& block, const RegisterRow& row, std::int64_t e
 /// All registers of the process helpers are single words.
 BlockWriter process_writer(RegisterImage& image) { return {image.process, kProcessValueAddress, false}; }
 
+/// The order that the block was made in: its test constant shows it.
+bool is_low_word_first(const RegisterImage& image) {
+  return image.words[address_of("test_constant_long")] == (kLongTestConstant & 0xFFFF);
+}
+
 constexpr double kCountsPerN = 100;  // of settings 1010 and 1011
 
 /// A threshold with hysteresis: reached at `on`, left below `off`; NaN leaves it.
@@ -213,6 +219,14 @@ void set_age(RegisterImage& image, std::int64_t now_ns) {
   write_time_since(block, row_named("age"), image.exposure_ns, now_ns);
 }
 
+void use_word_order(RegisterImage& image, bool low_word_first) {
+  if (is_low_word_first(image) == low_word_first) return;
+  for (const RegisterRow& row : kRegisterTable.measurements) {
+    const auto at = static_cast<std::size_t>(row.address);
+    if (words_of(row.type) == 2) std::swap(image.words[at], image.words[at + 1]);
+  }
+}
+
 void mark_stalled(RegisterImage& image, const RuntimeSettings& settings) {
   std::uint16_t& status = image.words[address_of("status")];
   image.words[address_of("fault")] = static_cast<std::uint16_t>(FaultCode::kStalled);
@@ -225,7 +239,7 @@ void mark_stalled(RegisterImage& image, const RuntimeSettings& settings) {
                                         kLowSeen | kOverRange | kSolverFallback | kOverload;
   status = static_cast<std::uint16_t>(status & ~kOfOldFrame);
   image.words[address_of("limits")] = 0;
-  BlockWriter block(image.words, 0, has_low_word_first(settings));
+  BlockWriter block(image.words, 0, is_low_word_first(image));
   for (const RegisterRow& row : kRegisterTable.measurements) {
     if (row.may_be_invalid() && row.address != address_of("age")) block.measured(row, 0, false);
   }

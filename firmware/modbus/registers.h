@@ -131,6 +131,10 @@ RegisterImage empty_block();
 /// Writes register 3, the time from the exposure to a read at `now_ns` (steady clock).
 void set_age(RegisterImage& image, std::int64_t now_ns);
 
+/// Changes the order of a block's 32-bit registers, if it is the other one: a block made before setting 1019 was
+/// changed.
+void use_word_order(RegisterImage& image, bool low_word_first);
+
 /// Makes a block that should have been replaced by now say so: fault 8, not ready. Everything but its age that is not
 /// always valid becomes invalid, and the bits of the old frame are cleared; where setting 1017 (after_hold) says keep,
 /// all of that stays, marked as held.

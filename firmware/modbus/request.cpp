@@ -46,9 +46,12 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
   std::array<std::uint16_t, kMaxRegistersPerRead> buffer;
   const std::span<std::uint16_t> words(buffer.data(), static_cast<std::size_t>(quantity));
   if (address < kMeasurementRegisters) {
-    std::copy_n(device.image.words.begin() + address, quantity, words.begin());
+    // The word order that was set last, also if the block is older than that.
+    RegisterImage image = device.image;
+    use_word_order(image, has_low_word_first(device.control.settings_copy()));
+    std::copy_n(image.words.begin() + address, quantity, words.begin());
   } else {
-    device.control.read(address, words, access, device.now_ns);
+    device.control.read(address, words, access, device.now_ns, device.stalled_since_ns);
   }
   // What the process helpers read is part of the image; their settings are not.
   const int process_end = kProcessAddress + kProcessBlockRegisters;

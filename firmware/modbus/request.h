@@ -17,13 +17,15 @@ inline constexpr std::size_t kMaxPdu = 253;  ///< function code and data (Modbus
 struct DeviceView {
   RegisterImage image;
   Control& control;
-  std::int64_t now_ns;  ///< steady clock; the age in the image is that at this time
+  std::int64_t now_ns;                ///< steady clock; the age in the image is that at this time
+  std::int64_t stalled_since_ns = 0;  ///< of the image, if it is stalled
 };
 /// For a client's thread: the latest image with its age; marked as stalled if it is too old.
 inline DeviceView view_now(TripleBuffer<RegisterImage>& latest, Control& control) {
   DeviceView view{latest.read(), control, steady_now_ns()};
   set_age(view.image, view.now_ns);
-  if (control.is_stalled(view.image, view.now_ns)) mark_stalled(view.image, control.settings_copy());
+  view.stalled_since_ns = control.stalled_since_ns(view.image, view.now_ns);
+  if (view.stalled_since_ns != 0) mark_stalled(view.image, control.settings_copy());
   return view;
 }
 

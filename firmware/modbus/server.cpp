@@ -30,7 +30,7 @@ namespace {
 
 constexpr std::int64_t kAcceptPause_ns = kNsPerS / 2;  // after accept() failed for want of descriptors or memory
 constexpr std::int64_t kPollTimeout_ns = kNsPerS / 2;  // clients are closed at most this late
-constexpr int kAcceptsPerPoll = 8;
+constexpr int kAcceptsPerPoll = 2;
 constexpr int kNice = -5;
 
 // The kernel's buffers for one client: enough for a hundred requests, yet little memory with 64 hostile clients.
@@ -102,7 +102,7 @@ struct ModbusServer::Impl {
   // that none can hold up another. What a client has sent beyond that stays in its buffers.
   void run() {
     // After the frame loop, and before whatever else runs, where the system allows it. A thread's own on Linux.
-    ::setpriority(PRIO_PROCESS, 0, kNice);
+    ::setpriority(PRIO_PROCESS, 0, std::min(::getpriority(PRIO_PROCESS, 0), kNice));
     for (;;) {
       const std::int64_t now_ns = steady_now_ns();
       const timespec timeout = duration(choose_polled(now_ns) - now_ns);

@@ -1,6 +1,7 @@
 #include "firmware/modbus/write_lock.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace finsight {
 
@@ -14,9 +15,20 @@ Exception WriteLock::try_key(std::uint16_t key, std::uint32_t client, std::int64
     return Exception::kIllegalValue;
   }
   if (failed != failed_.end() && !must_wait) *failed = {};
+  return unlock(client, now_ns);
+}
+
+Exception WriteLock::unlock(std::uint32_t client, std::int64_t now_ns) {
+  for (Unlocked& unlocked : unlocked_) {
+    if (now_ns >= unlocked.until_ns) unlocked = {};
+  }
   auto place = std::ranges::find(unlocked_, client, &Unlocked::client);
-  if (place == unlocked_.end()) place = std::ranges::min_element(unlocked_, {}, &Unlocked::until_ns);
-  *place = {client, now_ns + kUnlocked_ns};
+  if (place == unlocked_.end()) {
+    const auto rank = [](const Unlocked& unlocked) { return std::pair(unlocked.has_written, unlocked.until_ns); };
+    place = std::ranges::min_element(unlocked_, {}, rank);
+    if (place->has_written) return Exception::kBusy;
+  }
+  *place = {client, now_ns + kUnlocked_ns, place->client == client && place->has_written};
   return Exception::kNone;
 }
 
@@ -36,6 +48,7 @@ bool WriteLock::renew(std::uint32_t client, std::int64_t now_ns) {
   const auto found = std::ranges::find(unlocked_, client, &Unlocked::client);
   if (found == unlocked_.end() || now_ns >= found->until_ns) return false;
   found->until_ns = now_ns + kUnlocked_ns;
+  found->has_written = true;
   return true;
 }
 

@@ -165,7 +165,8 @@ std::vector<std::uint32_t> read_reserved(TomlTable& table, const ModbusSettings&
     if (std::ranges::find(addresses, network.address) == addresses.end()) addresses.push_back(network.address);
   }
   if (addresses.size() >= static_cast<std::size_t>(modbus.max_clients)) {
-    throw InputError(table.where("reserve"), "modbus.reserve", std::to_string(addresses.size()) + " addresses",
+    const std::string found = addresses.size() == 1 ? "1 address" : std::to_string(addresses.size()) + " addresses";
+    throw InputError(table.where("reserve"), "modbus.reserve", found,
                      "fewer than max_clients, which is " + std::to_string(modbus.max_clients));
   }
   return addresses;
@@ -182,6 +183,10 @@ void read_modbus(TomlTable table, Settings& settings) {
       static_cast<int>(table.integer("max_clients", 1, ModbusSettings::kMostClients, modbus.max_clients));
   if (table.has("max_per_address")) {
     modbus.max_per_address = static_cast<int>(table.integer("max_per_address", 1, ModbusSettings::kMostClients));
+    if (modbus.max_per_address > modbus.max_clients) {
+      throw InputError(table.where("max_per_address"), "modbus.max_per_address", std::to_string(modbus.max_per_address),
+                       "at most max_clients, which is " + std::to_string(modbus.max_clients));
+    }
   }
   modbus.idle_limit_s = static_cast<int>(table.integer("idle_limit_s", 1, 86400, modbus.idle_limit_s));
   modbus.unit = static_cast<int>(table.integer("unit", 0, 247, modbus.unit));
@@ -356,6 +361,11 @@ Settings read_usable_settings(const SettingsFiles& files) {
     settings = part;
   });
   read_usable(files, "page", [&](TomlTable table) { settings.page = read_page(std::move(table)); });
+  read_usable(files, "device", [&](TomlTable table) {
+    Settings part = settings;
+    read_device(std::move(table), part);
+    settings = part;
+  });
   read_usable(files, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
   return settings;
 }

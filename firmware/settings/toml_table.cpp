@@ -93,7 +93,8 @@ toml::table parsed(const std::string& text, const std::string& file) {
 
 TomlTable TomlTable::parse_file(const std::filesystem::path& file) {
   std::error_code ignored;
-  if (!std::filesystem::is_regular_file(file, ignored)) throw InputError(file.string(), "no such file");
+  if (!std::filesystem::exists(file, ignored)) throw InputError(file.string(), "no such file");
+  if (!std::filesystem::is_regular_file(file, ignored)) throw InputError(file.string(), "is not a file");
   auto document = std::make_shared<Document>();
   document->file = file.string();
   document->folder = file.parent_path();

@@ -64,7 +64,7 @@ struct Device {
   std::optional<StateSaver> saver;
   std::optional<Commands> commands;
   ClientAccess access{.may_write = true};
-  std::int64_t now_ns = 1'000'000'000;
+  std::int64_t now_ns = steady_now_ns();
   std::uint32_t sequence = 0;
 };
 
@@ -110,6 +110,27 @@ TEST_CASE("commands: a tare takes one frame and is refused while its value is no
   CHECK(device.frame(resting(1)).process[kState] == 0);
 }
 
+TEST_CASE("commands: a tare that is ordered during a stall is not possible; the next one counts from a fresh frame") {
+  constexpr std::size_t kDeformation = 11;  // behind register 1110
+  Device device;
+  device.now_ns -= 10'000'000'000;  // the last frame is ten seconds old
+  device.frame(resting(1));
+  CHECK(device.result_of(Command::kTareDeformation, resting(3)) == 1);
+  CHECK(device.loop.registers().process[5] == 0);
+  device.now_ns = steady_now_ns();
+  device.frame(resting(3));
+  CHECK(device.result_of(Command::kTareDeformation, resting(5)) == 0);
+  CHECK(device.frame(resting(5)).process[kDeformation] == 0);
+}
+
+TEST_CASE("commands: a tare counts from a frame after its order, not from the one before") {
+  constexpr std::size_t kDeformation = 11;  // behind register 1110
+  Device device;
+  device.frame(resting(1));
+  CHECK(device.result_of(Command::kTareDeformation, resting(3)) == 0);
+  CHECK(device.frame(resting(3)).process[kDeformation] == 0);
+}
+
 TEST_CASE("commands: a result is told after the frame that shows what was done") {
   Device device;
   device.frame(resting(1));
@@ -117,7 +138,7 @@ TEST_CASE("commands: a result is told after the frame that shows what was done")
           Exception::kNone);
   device.commands->poll();
   CHECK(device.read(kResultSequenceRegister) == 0);  // no frame has shown the tare yet
-  const RegisterImage& image = device.loop.step_without_frame(device.now_ns);
+  const RegisterImage& image = device.loop.step(Observation{.exposure_ns = device.now_ns += 1, .poses = resting(1)});
   CHECK(image.process[5] == bit_named("process_state", "deformation_tared"));
   device.commands->poll();
   CHECK(device.read(kResultSequenceRegister) == 9);

@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <array>
+#include <span>
 #include <string>
 
 #include "firmware/device/identity.h"
@@ -21,16 +22,20 @@ class Diagnosed {
   /// One turn of the loop that works for 5 of every 20 ms.
   void turn(std::uint16_t fault, std::int64_t wait_ms = 15) {
     now_ns_ += wait_ms * kMs;
-    RegisterImage image;
-    image.words[address_of("fault")] = fault;
-    health_.note(image, true, now_ns_, now_ns_ + 5 * kMs, {++frames_, 70000, 2});
+    health_.begin_turn(now_ns_);
+    image_.words[address_of("fault")] = fault;
+    image_.exposure_ns = now_ns_;
+    health_.note(image_, true, now_ns_, now_ns_ + 5 * kMs, {++frames_, 70000, 2});
     now_ns_ += 5 * kMs;
   }
   std::uint32_t read(int address, int words = 1) {
     std::array<std::uint16_t, 2> read{};
-    control.read(address, {read.data(), static_cast<std::size_t>(words)}, {}, now_ns_);
+    const std::span<std::uint16_t> span(read.data(), static_cast<std::size_t>(words));
+    control.read(address, span, {}, now_ns_, control.stalled_since_ns(image_, now_ns_));
     return words == 2 ? std::uint32_t{read[0]} << 16 | read[1] : read[0];
   }
+  /// No turn for so long.
+  void hang(std::int64_t ms) { now_ns_ += ms * kMs; }
   std::string text(int address) {
     std::array<std::uint16_t, 16> words{};
     control.read(address, words, {}, now_ns_);
@@ -42,6 +47,7 @@ class Diagnosed {
 
  private:
   Health health_{control};
+  RegisterImage image_;
   std::int64_t now_ns_ = steady_now_ns();
   std::uint32_t frames_ = 0;
 };
@@ -86,6 +92,28 @@ TEST_CASE("health: the last eight faults are listed with their times, the newest
   CHECK(device.read(3086) == 11);
 }
 
+TEST_CASE("health: a stall is in the list from its first moment, and no frames are counted while it stands") {
+  Diagnosed device;
+  device.control.set_stale_after(300 * kMs);
+  for (int i = 0; i < 100; ++i) device.turn(0);  // 2 s
+  CHECK(device.read(3025) == 5000);
+  device.hang(290);
+  CHECK(device.read(3025) == 5000);
+  CHECK(device.read(3086) == 0);
+  device.hang(5000);
+  CHECK(device.read(3025) == 0);
+  CHECK(device.read(3031) == 65535);  // how much it works is not known
+  CHECK(device.read(3086) == 1);
+  CHECK(device.read(3087) == 8);
+  CHECK(device.read(3087 + 1, 2) == 2);
+  CHECK(device.read(3087 + 3) == 65535);  // it stands
+  device.turn(0);
+  CHECK(device.read(3086) == 1);
+  CHECK(device.read(3087) == 8);
+  CHECK(device.read(3087 + 1, 2) == 2);
+  CHECK(device.read(3087 + 3) == 5);
+}
+
 TEST_CASE("health: noting it does not allocate") {
   Diagnosed device;
   const long before = test::allocations;
@@ -99,7 +127,7 @@ TEST_CASE("identity: model, serial number and calibration date come from pack an
   settings.serial_number = "FS-0042";
   settings.calibration_date = 20261122;
   Diagnosed device;
-  device.control.identify(identity_of(settings, model));
+  device.control.identify(identity_of(settings, &model));
   CHECK(device.text(3038) == model.finger_name);
   CHECK(device.text(3054) == "FS-0042");
   CHECK(device.text(3070) == FINSIGHT_VERSION);
@@ -109,12 +137,12 @@ TEST_CASE("identity: model, serial number and calibration date come from pack an
 
 TEST_CASE("identity: without a date in the board file, it is the day on which the newest measured file was written") {
   const test::ScratchFolder folder;
-  const Model model = test::TinyModel().open();
   Settings settings;
-  CHECK(identity_of(settings, model).calibration_date == 0);
+  CHECK(identity_of(settings, nullptr).calibration_date == 0);
   settings.measured_files = {folder.write("lens.toml", "a"), folder.write("mount.toml", "b"), folder / "missing.toml"};
   using namespace std::chrono;
-  std::filesystem::last_write_time(settings.measured_files[0], file_clock::from_sys(sys_days(2025y / 3 / 7) + 23h + 0s));
+  std::filesystem::last_write_time(settings.measured_files[0],
+                                   file_clock::from_sys(sys_days(2025y / 3 / 7) + 23h + 0s));
   std::filesystem::last_write_time(settings.measured_files[1], file_clock::from_sys(sys_days(2024y / 12 / 31) + 0s));
-  CHECK(identity_of(settings, model).calibration_date == 20250307);
+  CHECK(identity_of(settings, nullptr).calibration_date == 20250307);
 }

@@ -10,6 +10,7 @@
 #include "firmware/device/saved_state.h"
 #include "tests/modbus/served.h"
 #include "tests/model/scratch_folder.h"
+#include "tests/model/tiny_model.h"
 
 using namespace finsight;
 
@@ -77,6 +78,35 @@ TEST_CASE("safe mode: serves the fault, and no value as measured") {
     CHECK(words[9] == 0xFFFF);
     CHECK(std::isnan(abcd(words[20], words[21])));
     CHECK(safe.end());
+  }
+}
+
+TEST_CASE("safe mode: tells in the diagnostics who the device is, and the fault since when") {
+  const test::ScratchFolder folder;
+  for (const std::string& more : {std::string(), kNonsense}) {
+    Serving safe(folder, kBoard + "[device]\nserial_number = \"FS-0042\"\ncalibration_date = \"2026-11-22\"\n" + more);
+    REQUIRE(safe.block().size() == 48);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // the fault is noted just after it is published
+    const auto reply = safe.ask("0002 0000 0006 01 03 0BB8 0077", 9 + 2 * 119);
+    REQUIRE(reply.size() == 9 + 2 * 119);
+    const auto at = [&](int address) { return tests::word_at(reply, static_cast<std::size_t>(address - 3000)); };
+    CHECK(at(address_of("serial_number")) == ('F' << 8 | 'S'));
+    CHECK(at(address_of("firmware_version")) != 0);
+    CHECK(at(address_of("calibration_date")) == 20261122 >> 16);
+    CHECK(at(address_of("faults_counted")) == 1);
+    CHECK(at(address_of("fault_1_code")) == 5);
+    CHECK(at(address_of("fault_1_lasted")) == 65535);  // it stands
+  }
+}
+
+TEST_CASE("safe mode: names the model, if that is not what ends the firmware") {
+  const test::ScratchFolder folder;
+  test::TinyModel().write(folder / "p");
+  for (const FaultCode fault : {FaultCode::kSelfTest, FaultCode::kFailedRepeatedly}) {
+    Serving safe(folder, kBoard, fault);
+    const auto reply = safe.ask("0001 0000 0006 01 03 0BDE 0010", 9 + 2 * 16);
+    REQUIRE(reply.size() == 9 + 2 * 16);
+    CHECK((tests::word_at(reply, 0) != 0) == (fault == FaultCode::kSelfTest));
   }
 }
 

@@ -11,6 +11,8 @@ using namespace finsight;
 
 namespace {
 
+using Tare = ProcessValues::Tare;
+
 constexpr std::int64_t kPeriod_ns = 16'666'667;
 
 /// A finger with a force and a deformation, one frame every 60th of a second.
@@ -36,6 +38,12 @@ struct Finger {
     touch.quality = touch_quality;
     process.update({.exposure_ns = now_ns += kPeriod_ns}, poses, shape, touch, limits, settings);
     return process.readings();
+  }
+  /// The frame that a tare is ordered for, and whether it was possible.
+  bool tare(ProcessValues::Tare which) {
+    process.order_tare(which);
+    frame();
+    return process.take_tare_outcome().value();
   }
   const ProcessReadings& frames(int count) {
     for (int i = 0; i < count; ++i) frame();
@@ -75,32 +83,40 @@ TEST_CASE("process values: what is invalid or held never becomes a peak") {
   CHECK(std::isnan(finger.process.readings().net[kForceValue]));
 }
 
-TEST_CASE("process values: a tare takes one command, counts from the present value and starts its peaks over") {
+TEST_CASE("process values: a tare counts from the value of the next frame and starts its peaks over") {
   Finger finger;
   finger.frame();
-  REQUIRE(finger.process.tare_force());
-  finger.force_n = 2.5F;
+  finger.force_n = 2.25F;
+  finger.process.order_tare(Tare::kForce);
+  CHECK_FALSE(finger.process.take_tare_outcome());
   const ProcessReadings& readings = finger.frame();
+  CHECK(finger.process.take_tare_outcome() == true);
+  CHECK_FALSE(finger.process.take_tare_outcome());  // told once
+  CHECK(readings.net[kForceValue] == 0);
+  CHECK(readings.peak[kForceValue] == 0);
+  finger.force_n = 2.75F;
+  finger.frame();
   CHECK(readings.net[kForceValue] == 0.5F);
   CHECK(readings.peak[kForceValue] == 0.5F);
-  CHECK(readings.minimum[kForceValue] == 0.5F);
+  CHECK(readings.minimum[kForceValue] == 0);
   CHECK(readings.force_tared);
   CHECK_FALSE(readings.deformation_tared);
   CHECK(readings.net[kDeformationValue] == 1.5F);
   CHECK(readings.peak[kDeformationValue] == 1.5F);
   finger.process.clear_tare();
-  CHECK(finger.frame().net[kForceValue] == 2.5F);
+  CHECK(finger.frame().net[kForceValue] == 2.75F);
   CHECK_FALSE(readings.force_tared);
 }
 
-TEST_CASE("process values: a tare is refused while its value is not fresh, and then changes nothing") {
+TEST_CASE("process values: a tare is refused if its value is not fresh in the next frame, and then changes nothing") {
   Finger finger;
-  finger.frame();
-  finger.touch_quality = Quality::kInvalid;
-  finger.frame();
-  CHECK_FALSE(finger.process.tare_force());
-  CHECK_FALSE(finger.process.tare_touch());
-  CHECK(finger.process.tare_deformation());
+  finger.frame();  // fresh; what comes next counts
+  for (const Quality quality : {Quality::kHeld, Quality::kInvalid}) {
+    finger.touch_quality = quality;
+    CHECK_FALSE(finger.tare(Tare::kForce));
+    CHECK_FALSE(finger.tare(Tare::kTouch));
+  }
+  CHECK(finger.tare(Tare::kDeformation));
   finger.touch_quality = Quality::kFresh;
   CHECK(finger.frame().net == ProcessReadings::Values{2, 0, 1, 60, 2});
 }
@@ -110,7 +126,7 @@ TEST_CASE("process values: a new zero resets tares, peaks and low-pass, and keep
   finger.settings[kLowpass] = 1;  // 0.1 Hz
   finger.limits.contact = true;
   finger.frame();
-  REQUIRE(finger.process.tare_deformation());
+  REQUIRE(finger.tare(Tare::kDeformation));
   finger.process.reset();
   finger.deformation_mm = 0.25F;
   const ProcessReadings& readings = finger.frame();
@@ -188,7 +204,7 @@ TEST_CASE("process values: never allocate") {
   finger.limits.contact = true;
   const long before = test::allocations;
   finger.frames(100);
-  finger.process.tare_force();
+  finger.tare(Tare::kForce);
   finger.process.reset();
   CHECK(test::allocations == before);
 }

@@ -204,10 +204,10 @@ TEST_CASE("control: a block is stalled by its age, and while the camera has a fa
   control.set_stale_after(300);
   RegisterImage image;
   control.note_publication(1000);
-  CHECK_FALSE(control.is_stalled(image, 5000));  // nothing was measured yet
+  CHECK(control.stalled_since_ns(image, 5000) == 0);  // nothing was measured yet
   image.exposure_ns = 100;
-  CHECK(control.is_stalled(image, 1000));
+  CHECK(control.stalled_since_ns(image, 1000) == 400);
   image.words[0] = kCameraFault;
-  CHECK_FALSE(control.is_stalled(image, 1300));
-  CHECK(control.is_stalled(image, 1301));
+  CHECK(control.stalled_since_ns(image, 1300) == 0);
+  CHECK(control.stalled_since_ns(image, 1301) == 1300);
 }

@@ -207,3 +207,39 @@ TEST_CASE("request: a million random requests each get a complete response of th
   CHECK(writes > 100);
   CHECK(identifications > 20);
 }
+
+TEST_CASE("request: a new word order holds at once for the whole block, also while no new one comes") {
+  Control control;
+  const ClientAccess access{.may_write = true};
+  control.write(kKeyRegister, std::array{kDefaultWriteKey}, access, 0);
+  DeviceView device{empty_block(), control, 0};
+  device.image.words[32] = 1;  // a frame counter of 65538
+  device.image.words[33] = 2;
+  const auto words = [&](const std::string& request_before) {
+    std::array<std::uint8_t, kMaxPdu> reply{};
+    const Bytes request =
+        request_before.empty() ? read_request(3, 0, 48) : Bytes(request_before.begin(), request_before.end());
+    answer_request(request, device, access, reply);
+    std::vector<int> read;
+    for (std::size_t at = 2; at < 98; at += 2) read.push_back(reply[at] << 8 | reply[at + 1]);
+    return read;
+  };
+  // Function 23: the write comes before the read in the same request.
+  const std::string sets_cdab("\x17\0\0\0\x30\x03\xFB\0\x01\x02\0\x01", 12);
+  for (const bool is_stalled : {false, true}) {
+    CAPTURE(is_stalled);
+    if (is_stalled) mark_stalled(device.image, control.settings_copy());
+    REQUIRE(control.write(1019, std::array<std::uint16_t, 1>{0}, access, 0) == Exception::kNone);
+    CHECK(words("")[46] == 0x1234);
+    CHECK(words("")[33] == 2);
+    CHECK(words("")[20] == 0x7FC0);
+    for (const std::string& request : {sets_cdab, std::string()}) {
+      const std::vector<int> read = words(request);
+      CHECK(read[46] == 0x5678);
+      CHECK(read[47] == 0x1234);
+      CHECK(read[33] == 1);
+      CHECK(read[20] == 0);
+      CHECK(read[21] == 0x7FC0);
+    }
+  }
+}

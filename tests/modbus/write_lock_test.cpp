@@ -71,3 +71,27 @@ TEST_CASE("write lock: wrong keys are forgotten after ten minutes without one") 
   CHECK(lock.try_key(1, kPlc, 601 * kSecond) == Exception::kIllegalValue);
   CHECK(lock.try_key(kKey, kPlc, 601 * kSecond) == Exception::kNone);
 }
+
+TEST_CASE("write lock: seventeen others with the right key do not end the unlock of a client that writes") {
+  WriteLock lock(kKey);
+  CHECK(lock.try_key(kKey, kPlc, 0) == Exception::kNone);
+  REQUIRE(lock.renew(kPlc, 1));
+  for (std::uint32_t other = 10; other < 10 + 17; ++other)
+    CHECK(lock.try_key(kKey, other, kSecond) == Exception::kNone);
+  CHECK(lock.try_key(kKey, kPlc, 2 * kSecond) == Exception::kNone);  // to unlock again does not make it idle
+  for (std::uint32_t other = 10; other < 10 + 17; ++other)
+    CHECK(lock.try_key(kKey, other, kSecond) == Exception::kNone);
+  CHECK(lock.is_unlocked(kPlc, 3 * kSecond));
+}
+
+TEST_CASE("write lock: while sixteen clients write, another's right key is answered as busy, until one of them stops") {
+  WriteLock lock(kKey);
+  for (std::uint32_t writer = 10; writer < 10 + WriteLock::kRememberedUnlocks; ++writer) {
+    REQUIRE(lock.try_key(kKey, writer, 0) == Exception::kNone);
+    REQUIRE(lock.renew(writer, 0));
+  }
+  CHECK(lock.try_key(kKey, kPlc, 1) == Exception::kBusy);
+  CHECK(lock.try_key(kKey, 10, 1) == Exception::kNone);
+  CHECK(lock.try_key(kKey, kPlc, 30 * kSecond) == Exception::kNone);
+  CHECK(lock.is_unlocked(10, 30 * kSecond));
+}

@@ -31,7 +31,7 @@ chord_steps = 3
 address = "0.0.0.0"
 port = 15020
 max_clients = 7
-max_per_address = 3
+max_per_address = 1
 reserve = []
 idle_limit_s = 5
 word_order = "CDAB"
@@ -121,7 +121,7 @@ TEST_CASE("settings: every key arrives") {
   CHECK(settings.modbus.address == "0.0.0.0");
   CHECK(settings.modbus.port == 15020);
   CHECK(settings.modbus.max_clients == 7);
-  CHECK(settings.modbus.max_per_address == 3);
+  CHECK(settings.modbus.max_per_address == 1);
   CHECK(settings.modbus.reserve.empty());
   CHECK(read(replaced(kFull, "reserve = []", "reserve = [\"10.1.0.9\", \"10.2.0.3\", \"10.1.0.9\"]")).modbus.reserve ==
         std::vector<std::uint32_t>{0x0A010009, 0x0A020003});
@@ -235,7 +235,12 @@ TEST_CASE("settings: a value out of its range is refused in the same way") {
       "reserve = []",
       "reserve = [\"10.1.0.1\",\"10.1.0.2\",\"10.1.0.3\",\"10.1.0.4\",\"10.1.0.5\",\"10.1.0.6\",\"10.1.0.7\"]",
       "modbus.reserve: found 7 addresses, expected fewer than max_clients, which is 7");
-  check_refused("max_per_address = 3", "max_per_address = 65",
+  check_refused("max_per_address = 1", "max_per_address = 8",
+                "modbus.max_per_address: found 8, expected at most max_clients, which is 7");
+  CHECK_THROWS_WITH_AS(
+      read(replaced(replaced(kFull, "max_clients = 7", "max_clients = 1"), "reserve = []", "reserve = [\"10.1.0.1\"]")),
+      doctest::Contains("modbus.reserve: found 1 address, expected fewer than max_clients, which is 1"), InputError);
+  check_refused("max_per_address = 1", "max_per_address = 65",
                 "modbus.max_per_address: found 65, expected a whole number");
   check_refused("serial_number = \"FS-0042\"", "serial_number = \"F\u00fc\"",
                 "device.serial_number: found \"F\u00fc\", expected at most 32 ASCII");
@@ -301,7 +306,7 @@ TEST_CASE("settings: a file that is not TOML is refused with the line, one that 
   check_refused("repeat = true", "repeat = ", "");
   const test::ScratchFolder folder;
   CHECK_THROWS_WITH_AS(read_settings(folder / "none.toml"), doctest::Contains("none.toml: no such file"), InputError);
-  CHECK_THROWS_WITH_AS(read_settings(folder.path()), doctest::Contains("no such file"), InputError);
+  CHECK_THROWS_WITH_AS(read_settings(folder.path()), doctest::Contains("is not a file"), InputError);
 }
 
 TEST_CASE("settings: the workstation's board file is valid and names what the demo makes") {
@@ -397,6 +402,8 @@ TEST_CASE("settings: of settings that are refused the valid parts are used") {
   CHECK(read_usable_settings({board, bad_part}).gpio->chip == "/dev/gpiochip0");
   const auto bad_modbus = folder.write("d.toml", "[modbus]\nport = 0x10000\n[storage]\nsettings = \"state.toml\"\n");
   CHECK(read_usable_settings({board, bad_modbus}).saved_state == folder / "state.toml");
+  const auto device = folder.write("e.toml", "[device]\nserial_number = \"FS-0042\"\n[nonsense]\n");
+  CHECK(read_usable_settings({board, device}).serial_number == "FS-0042");
   const auto no_toml = folder.write("c.toml", "port = = 1\n");
   CHECK(read_usable_settings({no_toml, no_toml}).modbus.address == "0.0.0.0");
   CHECK_FALSE(read_usable_settings(folder / "none.toml").gpio.has_value());

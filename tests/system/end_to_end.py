@@ -228,7 +228,11 @@ class BadInput(unittest.TestCase):
     def test_wrong_options_are_named(self):
         for words, named in ((("--settings", "board.toml", "--sefe-outputs"), "--sefe-outputs"),
                              (("--check", "--settings"), "--settings: needs a value"),
-                             (("--check",), "--settings: is missing")):
+                             (("--check",), "--settings: is missing"),
+                             (("--settings", "a.toml", "--settings", "b.toml"), "--settings: is given twice"),
+                             (("--settings", WORK), f"{WORK}: is not a file"),
+                             (("--settings", "board.toml", "--check", "--safe-outputs"), "only one of them"),
+                             (("--settings", "board.toml", "--safe-mode", "x"), '--safe-mode: code: found "x"')):
             answer = run(BINARIES / "finsightd", *words)
             self.assertEqual(answer.returncode, 2)
             self.assertIn(named, answer.stderr)
