@@ -38,8 +38,9 @@ constexpr Advice kAdvice[] = {
     {value_named("fault", "saved_settings_refused"),
      "the saved settings or the saved zero are damaged, or belong to another finger or mount",
      "valid, with factory settings or without a zero", "command 3 (clear)", "set, zero and save again, then clear"},
-    {value_named("fault", "stalled"), "no new result comes, though the device answers", "not valid, in the same answer",
-     "by itself, or by the watchdog's restart", "read the diagnostics (3000 on) and the log"},
+    {value_named("fault", "stalled"), "no new result comes, though the device answers",
+     "not valid, in the same answer; held where setting 1017 says keep", "by itself, or by the watchdog's restart",
+     "read the diagnostics (3000 on) and the log"},
     {value_named("fault", "camera_frozen"), "the camera sends the same image again and again", kHeldThenInvalid,
      "by itself, when images change", "switch the camera off and on"},
     {value_named("fault", "image_too_dark"), "light off or failed", kHeldThenInvalid, "by itself", "light on (1020)?"},
@@ -51,7 +52,7 @@ constexpr Advice kAdvice[] = {
      "touch and force not valid; the shape is wrong", "by itself, when they stand as before",
      "fasten them, correct the mount (`hostgen mount`), then command 1 (zero) and 2 (save)"},
     {value_named("fault", "master_lost"), "the master has not written register 1006 in time (setting 1022)", "go on",
-     "by itself, when 1006 is written", "see the watchdog below"},
+     "by itself, when 1006 is written", "see \"The other way round\" above"},
 };
 static_assert([] {
   for (const NamedValue& fault : row_named("fault").values) {

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <sstream>
 #include <stdexcept>
+#include <string_view>
 
 #include "hostgen/plc/plc_files.h"
 #include "hostgen/plc/row_text.h"
@@ -50,20 +51,36 @@ std::string python_row(const RegisterRow& row) {
 
 namespace {
 
-std::string block_markdown(std::span<const RegisterRow> block) {
+/// A long list of codes stands once in the tables, at the first register that has it.
+std::string described(const RegisterTable& table, const RegisterRow& row) {
+  constexpr std::size_t kLong = 4;
+  const auto name = [](const NamedValue& value) { return std::string_view(value.name); };
+  if (row.values.size() < kLong) return full_description(row);
+  for (const std::span<const RegisterRow> block : table.blocks()) {
+    for (const RegisterRow& first : block) {
+      if (&first == &row) return full_description(row);
+      if (std::ranges::equal(first.values, row.values, {}, name, name)) {
+        return full_description(row, "codes as in register " + std::to_string(first.address));
+      }
+    }
+  }
+  return full_description(row);
+}
+
+std::string block_markdown(const RegisterTable& table, std::span<const RegisterRow> block) {
   std::ostringstream text;
   text << "| address | reference | name | type | scale | unit | |\n|---|---|---|---|---|---|---|\n";
   for (const RegisterRow& row : block) {
     text << "| " << row.address;
     if (words_of(row.type) > 1) text << "-" << row.address + words_of(row.type) - 1;
     text << " | " << reference_of(row) << " | `" << row.name << "` | " << name_of(row.type) << " | " << row.scale
-         << " | " << row.unit << " | " << full_description(row) << " |\n";
+         << " | " << row.unit << " | " << described(table, row) << " |\n";
   }
   return text.str();
 }
 
 /// Of a block with registers that may be written.
-std::string writable_markdown(std::span<const RegisterRow> rows) {
+std::string writable_markdown(const RegisterTable& table, std::span<const RegisterRow> rows) {
   std::ostringstream text;
   text << "| address | reference | name | type | scale | unit | writable values | factory | |\n"
           "|---|---|---|---|---|---|---|---|---|\n";
@@ -74,18 +91,18 @@ std::string writable_markdown(std::span<const RegisterRow> rows) {
     if (row.writable) text << row.lowest << " ... " << row.highest;
     text << " | ";
     if (is_setting(row)) text << row.factory;
-    text << " | " << full_description(row) << " |\n";
+    text << " | " << described(table, row) << " |\n";
   }
   return text.str();
 }
 
 }  // namespace
 
-std::string measurements_markdown(const RegisterTable& table) { return block_markdown(table.measurements); }
-std::string control_markdown(const RegisterTable& table) { return writable_markdown(table.control); }
-std::string process_markdown(const RegisterTable& table) { return writable_markdown(table.process); }
-std::string history_markdown(const RegisterTable& table) { return block_markdown(table.history); }
-std::string diagnostics_markdown(const RegisterTable& table) { return block_markdown(table.diagnostics); }
+std::string measurements_markdown(const RegisterTable& table) { return block_markdown(table, table.measurements); }
+std::string control_markdown(const RegisterTable& table) { return writable_markdown(table, table.control); }
+std::string process_markdown(const RegisterTable& table) { return writable_markdown(table, table.process); }
+std::string history_markdown(const RegisterTable& table) { return block_markdown(table, table.history); }
+std::string diagnostics_markdown(const RegisterTable& table) { return block_markdown(table, table.diagnostics); }
 
 std::string registers_csv(const RegisterTable& table) {
   std::ostringstream text;

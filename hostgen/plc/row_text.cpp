@@ -45,10 +45,12 @@ std::string values_text(const RegisterRow& row) {
   return text;
 }
 
-std::string full_description(const RegisterRow& row) {
+std::string full_description(const RegisterRow& row) { return full_description(row, values_text(row)); }
+
+std::string full_description(const RegisterRow& row, const std::string& values) {
   std::string text = row.description;
-  if (!text.empty() && !row.values.empty()) text += ": ";
-  text += values_text(row);
+  if (!text.empty() && !values.empty()) text += ": ";
+  text += values;
   if (row.may_be_invalid()) text += "; " + invalid_value(row) + ": " + row.invalid_means;
   return text;
 }

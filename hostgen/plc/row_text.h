@@ -37,5 +37,7 @@ std::string values_text(const RegisterRow& row);
 
 /// A row in one line of prose: description, bits or codes, meaning of the invalid value.
 std::string full_description(const RegisterRow& row);
+/// The same with another text instead of that of the bits or codes.
+std::string full_description(const RegisterRow& row, const std::string& values);
 
 }  // namespace finsight::host

@@ -156,3 +156,16 @@ TEST_CASE("plc files: what is declared is assigned, once") {
   }
   CHECK(outputs > 60);
 }
+
+TEST_CASE("plc files: in the README's tables a long list of codes stands once, and the others refer to it") {
+  const std::string all =
+      measurements_markdown() + control_markdown() + process_markdown() + history_markdown() + diagnostics_markdown();
+  for (const char* once : {"12 image out of focus", "9 tare deformation", "4 running"}) {
+    CAPTURE(once);
+    const std::size_t at = all.find(once);
+    CHECK(at != std::string::npos);
+    CHECK(all.find(once, at + 1) == std::string::npos);
+  }
+  CHECK(contains(diagnostics_markdown(), "codes as in register 1 |"));
+  CHECK(contains(history_markdown(), "codes as in register 1203 |"));
+}

@@ -120,6 +120,18 @@ class TagLists(unittest.TestCase):
         with open(FOLDER / name, newline="") as file:
             return list(csv.DictReader(file))
 
+    def check_invalid(self, register, description, rows):
+        """Beside a tag whose invalid value is scaled stands one that is not, and the description says so."""
+        if not register["invalid"] or register["scale"] == "1":
+            return
+        raw = rows.pop(register["name"] + "_raw")
+        self.assertIn(raw["Data Type"] if "Data Type" in raw else raw["DataType"], ("Short", "Word", "1", "2"))
+        self.assertEqual(raw.get("Scaling", ""), "")
+        self.assertEqual(raw.get("ScaleMode", "0"), "0")
+        scaled = float(register["invalid"]) * float(register["scale"])
+        self.assertIn(f"{scaled:g} is no measurement", description)
+        self.assertIn(f"{register['name']}_raw is {register['invalid']}", description)
+
     def test_kepware_has_every_register_and_bit(self):
         rows = {row["Tag Name"]: row for row in self.rows("Finsight.kepware.csv")}
         for register in table():
@@ -128,12 +140,15 @@ class TagLists(unittest.TestCase):
             self.assertEqual(row["Client Access"], "R/W" if register["access"] == "read/write" else "RO")
             if register["scale"] != "1":
                 self.assertEqual(float(row["Scaled High"]) / float(row["Raw High"]), float(register["scale"]))
+            self.check_invalid(register, row["Description"], rows)
         self.assertEqual({row["Data Type"] for row in rows.values()}, {"Boolean"})
 
     def test_ignition_has_every_register_and_bit(self):
         rows = {row["Name"]: row for row in self.rows("Finsight.ignition.csv")}
         for register in table():
-            item = re.fullmatch(r"\[Finsight\](HR[USIF]*)(\d+)(?::32)?", rows.pop(register["name"])["OPCItemPath"])
+            row = rows.pop(register["name"])
+            item = re.fullmatch(r"\[Finsight\](HR[USIF]*)(\d+)(?::32)?", row["OPCItemPath"])
+            self.check_invalid(register, row["Documentation"], rows)
             self.assertEqual(int(item[2]), int(register["address"]) + 1)
             self.assertEqual(item[1], {"uint16": "HRUS", "int16": "HR", "uint32": "HRUI", "float32": "HRF",
                                        "text32": "HRS"}[register["type"]])

@@ -152,6 +152,31 @@ const ModbusRTU = require('modbus-serial');
         self.assertEqual(unknown.returncode, 2)
         self.assertIn("--prot", unknown.stderr)
 
+    def test_finsightctl_refuses_what_it_would_have_to_guess_and_writes_nothing_then(self):
+        def settings():
+            lines = ctl(self.port, "show").stdout.splitlines()
+            return [line for line in lines if 1010 <= int(line.split()[0]) < 1110]
+        before = settings()
+        for words, reason in (
+                (("watch", "--seconds", "-3"), "'-3': expected a number above 0"),
+                (("watch", "--seconds", "nan"), "'nan': expected a number above 0"),
+                (("set", "hold_time=150", "hold_time=160"), "hold_time: is given twice"),
+                (("set", "contact_on=0.603"), "contact_on: '0.603': expected a multiple of 0.01 N"),
+                (("set", "hold_time=150", "contact_on=1000"), "contact_on: '1000': expected 0.01 to 100 N"),
+                (("set", "lowpass=2", "contact_on=0.05"), "contact_on must exceed contact_off: they would be 0.05 N and 0.10 N"),
+                (("set",), "expected NAME=VALUE"),
+                (("do", "tare"), "expected one of zero")):
+            with self.subTest(words):
+                answer = ctl(self.port, *words)
+                self.assertNotEqual(answer.returncode, 0)
+                self.assertIn(reason, answer.stderr)
+        self.assertEqual(settings(), before)
+        self.assertEqual(len(before), 15)
+        for words, reason in (((), "expected watch, show, set or do"), (("show",), "show: expected the device's address")):
+            answer = run(SOURCE / "scripts" / "finsightctl", *words)
+            self.assertEqual(answer.returncode, 2)
+            self.assertIn(reason, answer.stderr)
+
     def test_finsightctl_is_one_file_that_works_anywhere(self):
         copy = shutil.copy(SOURCE / "scripts" / "finsightctl", self.folder.name)
         shown = run(copy, "show", "127.0.0.1", "--port", self.port, cwd="/")
