@@ -1,0 +1,210 @@
+#include "firmware/page/api.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+
+#include "firmware/page/picture.h"
+#include "firmware/page/register_text.h"
+
+namespace finsight::page {
+
+namespace {
+
+using nlohmann::json;
+
+constexpr int kJpegQuality = 80;
+constexpr int kDeepest = 8;
+constexpr std::string_view kRecordingPath = "/api/recordings/";
+
+Answer json_answer(const json& value) { return {.body = value.dump()}; }
+Answer done_or(const std::optional<Refusal>& refusal) {
+  return refusal ? refused(*refusal) : json_answer({{"done", true}});
+}
+
+Answer not_found() { return refused({404, "There is nothing under this address."}); }
+
+/// A member that must be a text; empty if it is not.
+std::string text_of(const json& body, const char* name) {
+  const auto found = body.find(name);
+  return found != body.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+}  // namespace
+
+json json_body(const std::string& body) {
+  const auto too_deep = [](int depth, json::parse_event_t, json&) {
+    if (depth > kDeepest) throw std::length_error("too deep");
+    return true;
+  };
+  try {
+    return json::parse(body, too_deep, false);
+  } catch (const std::length_error&) {
+    return json(json::value_t::discarded);
+  }
+}
+
+Api::Api(const Settings& settings, Device& device, std::span<const Asset> assets)
+    : settings_(settings),
+      device_(device),
+      sessions_(settings.write_key, *settings.page),
+      assets_(assets),
+      recordings_(settings.recordings),
+      table_(register_table_json().dump()) {}
+
+Answer Api::handle(const Request& request) {
+  try {
+    return request.method == "POST" ? post(request) : get(request);
+  } catch (const std::exception& error) {
+    return refused({500, std::string("Something went wrong: ") + error.what() + "."});
+  }
+}
+
+Answer Api::get(const Request& request) {
+  const std::string& path = request.path;
+  for (const Asset& asset : assets_) {
+    if (path != asset.path && !(path == "/" && std::strcmp(asset.path, "/index.html") == 0)) continue;
+    return {.type = asset.type,
+            .body = std::string(asset.gzip.begin(), asset.gzip.end()),
+            .is_gzip = true,
+            .may_be_kept = true};
+  }
+  if (path == "/frame.jpg") return picture();
+  if (path == "/shape.bin") return shape();
+  if (path == "/metrics") return {.type = "text/plain; version=0.0.4", .body = metrics_text(device_.values())};
+  if (path == "/api/events") return {.is_event_stream = true};
+  if (path == "/api/state") return json_answer(device_.values());
+  if (path == "/api/registers") return {.body = table_};
+  if (path == "/api/about") {
+    std::string about = device_.about();
+    if (about.empty()) return refused({503, "finsightd publishes nothing: it is not running, or is in safe mode."});
+    return {.body = std::move(about)};
+  }
+  if (path == "/api/export") return export_all();
+  if (path == "/api/diagnostics") return diagnostics();
+  if (path == "/api/recordings")
+    return json_answer({{"configured", !settings_.recordings.empty()}, {"sessions", recordings_.list()}});
+  if (path.starts_with(kRecordingPath) && path.ends_with(".tar")) {
+    const std::string name = path.substr(kRecordingPath.size(), path.size() - kRecordingPath.size() - 4);
+    if (auto tar = recordings_.tar(name)) {
+      return {.type = "application/x-tar", .file_name = name + ".tar", .more = std::move(tar)};
+    }
+  }
+  return not_found();
+}
+
+Answer Api::picture() {
+  device_.watch();
+  const auto picture = device_.picture();
+  if (!picture || picture->grey.empty()) return refused({503, "There is no picture yet."});
+  if (picture->number == jpeg_number_) return jpeg_;
+  const PictureQuality quality = quality_of(*picture);
+  const auto number = [](double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3f", value);
+    return std::string(text);
+  };
+  jpeg_ = {.type = "image/jpeg",
+           .body = jpeg_of(*picture, kJpegQuality),
+           .fields = {{"X-Finsight-Frame", std::to_string(picture->number)},
+                      {"X-Finsight-Edge-Px", number(quality.edge_px)},
+                      {"X-Finsight-Mean", number(quality.mean)},
+                      {"X-Finsight-White", number(quality.white_share)}}};
+  jpeg_number_ = picture->number;
+  return jpeg_;
+}
+
+Answer Api::shape() {
+  device_.watch();
+  const auto shape = device_.shape();
+  if (!shape) return refused({503, "There is no shape now."});
+  Answer answer{.type = "application/octet-stream", .fields = {{"X-Finsight-Frame", std::to_string(shape->first)}}};
+  answer.body.resize(2 * shape->second.size());
+  for (std::size_t i = 0; i < shape->second.size(); ++i) {  // little-endian, whatever the processor
+    const auto word = static_cast<std::uint16_t>(shape->second[i]);
+    answer.body[2 * i] = static_cast<char>(word & 0xFF);
+    answer.body[2 * i + 1] = static_cast<char>(word >> 8);
+  }
+  return answer;
+}
+
+Answer Api::export_all() {
+  const json values = device_.values();
+  if (values.contains("error")) return refused({503, values["error"].get<std::string>()});
+  const json about = json_body(device_.about());
+  json file = {{"finsight_export", 1},
+               {"serial_number", values["serial_number"]},
+               {"firmware_version", values["firmware_version"]},
+               {"model_name", values["model_name"]},
+               {"pack_checksum", values["pack_checksum"]},
+               {"settings", device_.settings_json()}};
+  if (about.is_object() && about.contains("lens")) file["lens"] = about["lens"];
+  Answer answer{.body = file.dump(2) + "\n", .file_name = "finsight-" + text_of(values, "serial_number") + ".json"};
+  std::erase_if(answer.file_name,
+                [](char c) { return !(std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '.'); });
+  return answer;
+}
+
+Answer Api::diagnostics() {
+  json about = json_body(device_.about());
+  if (about.is_object()) about.erase("surface");
+  json file = {{"finsight_diagnostics", 1}, {"about", about}, {"registers", device_.values()}};
+  if (const auto frame = device_.frame()) {
+    for (std::size_t s = 0; s < kPublishedStages.size(); ++s) {
+      const PublishedTimes& times = frame->times[s];
+      file["stage_times_us"][kPublishedStages[s]] = {
+          {"p50", times.p50_us}, {"p99", times.p99_us}, {"worst", times.worst_us}};
+    }
+  }
+  return {.body = file.dump(2) + "\n", .file_name = "finsight-diagnostics.json"};
+}
+
+Answer Api::post(const Request& request) {
+  if (!request.content_type.starts_with("application/json")) {
+    return refused({415, "Expected a body of type application/json."});
+  }
+  const json body = json_body(request.body);
+  if (!body.is_object()) return refused({400, "The body is not a JSON object."});
+  if (request.path == "/api/unlock") return unlock(request, body);
+  if (const auto refusal = sessions_.check_token(request, steady_now_ns())) return refused(*refusal);
+  return change(request, body);
+}
+
+Answer Api::unlock(const Request& request, const json& body) {
+  const auto key = body.find("key");
+  if (key == body.end() || !key->is_number_unsigned() || key->get<std::uint64_t>() > 0xFFFF) {
+    return refused({400, "The key is a number from 1 to 65535."});
+  }
+  const Sessions::Unlock unlock = sessions_.unlock(key->get<std::uint16_t>(), request.client, steady_now_ns());
+  if (unlock.token.empty()) return refused(unlock.refusal);
+  return json_answer({{"token", unlock.token}, {"seconds", kUnlocked_ns / kNsPerS}});
+}
+
+Answer Api::change(const Request& request, const json& body) {
+  const std::string& path = request.path;
+  if (path == "/api/lock") {
+    sessions_.end(request.token);
+    return json_answer({{"done", true}});
+  }
+  if (path == "/api/command") {
+    std::uint16_t sequence = 0;
+    if (const auto refusal = device_.order(text_of(body, "command"), sequence)) return refused(*refusal);
+    return json_answer({{"sequence", sequence}});
+  }
+  if (path == "/api/settings") return done_or(device_.change_settings(body));
+  if (path == "/api/exclusive") {
+    const auto on = body.find("on");
+    if (on == body.end() || !on->is_boolean()) return refused({400, "Expected {\"on\": true or false}."});
+    return done_or(device_.write(kExclusiveRegister, std::array<std::uint16_t, 1>{on->get<bool>()}));
+  }
+  if (path == "/api/import") {
+    if (body.value("finsight_export", json()) != 1 || !body.contains("settings")) {
+      return refused({400, "This is not a file that the page has exported."});
+    }
+    return done_or(device_.change_settings(body["settings"]));
+  }
+  if (path == "/api/recordings/delete") return done_or(recordings_.remove(text_of(body, "name")));
+  return not_found();
+}
+
+}  // namespace finsight::page

@@ -1,0 +1,53 @@
+// Paths and what is behind them. README.md beside this file documents them.
+#pragma once
+
+#include <cstdint>
+#include <mutex>
+#include <span>
+#include <string>
+
+#include "firmware/page/device.h"
+#include "firmware/page/http_server.h"
+#include "firmware/page/recordings.h"
+#include "firmware/page/request_guard.h"
+
+namespace finsight::page {
+
+/// A file of the page, compressed at build time.
+struct Asset {
+  const char *path, *type;
+  std::span<const unsigned char> gzip;
+};
+std::span<const Asset> assets();  ///< made by embed.py
+
+class Api {
+ public:
+  Api(const Settings& settings, Device& device, std::span<const Asset> assets);
+  /// Any request whatever; never throws.
+  Answer handle(const Request& request);
+
+ private:
+  Answer get(const Request& request);
+  Answer post(const Request& request);
+  Answer change(const Request& request, const nlohmann::json& body);
+  Answer unlock(const Request& request, const nlohmann::json& body);
+  Answer picture();
+  Answer shape();
+  Answer export_all();
+  Answer diagnostics();
+
+  const Settings& settings_;
+  Device& device_;
+  Sessions sessions_;
+  const std::span<const Asset> assets_;
+  const Recordings recordings_;
+  const std::string table_;  ///< the register table as JSON
+  // The newest picture, compressed once for all browsers.
+  std::uint64_t jpeg_number_ = 0;
+  Answer jpeg_;
+};
+
+/// The JSON of a request's body; discarded (is_discarded()) if it is none or is nested too deeply.
+nlohmann::json json_body(const std::string& body);
+
+}  // namespace finsight::page

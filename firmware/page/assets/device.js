@@ -1,0 +1,201 @@
+// The connection: events from the device into one store, requests to it, the key.
+import {Registers} from "./decode.js";
+import {text} from "./text.js";
+import {h, toast} from "./dom.js";
+
+export const device = {
+  online: false, frame: null, registers: null, about: null, error: "", blockError: "",
+  picture: {edge: 0, mean: 0, white: 0, at: 0},
+  hiddenSince: [0, 0, 0], log: [], lastFrameAt: 0,
+};
+const listeners = new Set();
+/** Called with "frame", "registers", "state" or "about"; the return value ends it. */
+export function listen(callback) {
+  listeners.add(callback);
+  return () => listeners.delete(callback);
+}
+const tell = (what) => { for (const callback of [...listeners]) callback(what); };
+
+async function answerOf(response) {
+  const type = response.headers.get("Content-Type") || "";
+  const body = type.startsWith("application/json") ? await response.json() : null;
+  if (!response.ok) throw Object.assign(new Error(body?.error || `The device answered ${response.status}.`), {status: response.status});
+  return body;
+}
+export const get = async (path) => answerOf(await fetch(path));
+
+let token = "", until = 0;
+export const unlockedFor = () => Math.max(0, Math.ceil((until - Date.now()) / 1000));
+async function send(path, body) {
+  const answer = await answerOf(await fetch(path, {
+    method: "POST", headers: {"Content-Type": "application/json", "X-Finsight-Token": token}, body: JSON.stringify(body)}));
+  until = Date.now() + 30000;
+  return answer;
+}
+/** A change. Asks for the key first where that is needed. Throws what the device says against it, or null if people cancel. */
+export async function post(path, body) {
+  if (!token || unlockedFor() === 0) await askForKey();
+  try {
+    return await send(path, body);
+  } catch (error) {
+    if (error.status !== 401) throw error;
+    token = "";
+    await askForKey();
+    return send(path, body);
+  }
+}
+/** The same, told in a toast; true if it was done. */
+export async function change(path, body, done) {
+  try {
+    await post(path, body);
+    if (done) toast(done);
+    return true;
+  } catch (error) {
+    if (error) toast(error.message, "bad");
+    return false;
+  }
+}
+
+export function askForKey() {
+  return new Promise((resolve, reject) => {
+    const key = h("input", {type: "number", id: "key", min: 1, max: 65535, required: true, autocomplete: "off"});
+    const problem = h("p", {class: "soft", role: "alert"});
+    const dialog = h("dialog", {"aria-labelledby": "key-title"}, h("form", {
+      onsubmit: async (event) => {
+        event.preventDefault();
+        try {
+          token = (await send("/api/unlock", {key: Number(key.value)})).token;
+          toast(text.lock.done);
+          dialog.close();
+          resolve();
+          tell("state");
+        } catch (error) {
+          problem.textContent = error.message;
+          key.select();
+        }
+      }}, h("h2", {id: "key-title"}, text.lock.title), h("p", {class: "soft"}, text.lock.explain),
+      h("div", {class: "row"}, h("label", {htmlFor: "key"}, text.lock.key), key), problem,
+      h("div", {class: "row end"}, h("button", {type: "button", onclick: () => dialog.close()}, text.cancel),
+        h("button", {class: "main"}, text.lock.ok))));
+    dialog.addEventListener("close", () => { dialog.remove(); reject(null); });
+    document.body.append(dialog);
+    dialog.showModal();
+  });
+}
+export async function lock() {
+  await send("/api/lock", {}).catch(() => {});
+  token = "";
+  until = 0;
+  tell("state");
+}
+
+/** A command, and its result once it is in the history. True if it was done. */
+export async function order(command) {
+  const name = text.commands.names[command] || command;
+  try {
+    const {sequence} = await post("/api/command", {command});
+    for (let i = 0; i < 40; ++i) {
+      await new Promise((r) => setTimeout(r, 250));
+      for (let n = 1; n <= 8; ++n) {
+        if (device.registers.value(`history_${n}_sequence`) !== sequence) continue;
+        const result = device.registers.value(`history_${n}_result`);
+        if (result === "running") break;
+        if (result === "done") toast(text.commands.done(name));
+        else toast(text.commands.failed(name, text.commands.results[result] || result), "bad");
+        return result === "done";
+      }
+    }
+    toast(text.commands.failed(name, text.commands.no_result), "bad");
+  } catch (error) {
+    if (error) toast(error.message, "bad");
+  }
+  return false;
+}
+
+function note(line) {
+  device.log.unshift({at: new Date(), line});
+  device.log.length = Math.min(device.log.length, 200);
+}
+
+let lastFault = null, number = 0;
+function take(frame) {
+  device.frame = frame;
+  device.lastFrameAt = performance.now();
+  device.registers.set("measurements", frame.words);
+  const process = device.registers.words.process;
+  if (process) device.registers.set("process", [...process.slice(0, 10), ...frame.process]);
+  for (let p = 0; p < 3; ++p) {
+    if (frame.seen[p]) device.hiddenSince[p] = 0;
+    else device.hiddenSince[p] ||= performance.now();
+  }
+  noteFault();
+  if (frame.n < number || !device.about) loadAbout();  // the program was started again
+  number = frame.n;
+}
+
+function noteFault() {
+  const fault = device.registers.value("fault");
+  if (fault === lastFault) return;
+  if (lastFault !== null || fault !== "none") note(fault === "none" ? "fault over" : `fault: ${fault.replaceAll("_", " ")}`);
+  lastFault = fault;
+}
+
+let loading = false;
+async function loadAbout() {
+  if (loading) return;
+  loading = true;
+  try {
+    device.about = await get("/api/about");
+    tell("about");
+  } catch {
+    device.about = null;
+  } finally {
+    setTimeout(() => (loading = false), 1000);
+  }
+}
+
+/** Whether the frame on show is from this moment. */
+export const isLive = () => device.online && device.frame && performance.now() - device.lastFrameAt < 1500;
+
+let source = null;
+function connect() {
+  source?.close();
+  source = new EventSource("/api/events");
+  source.addEventListener("frame", (event) => { take(JSON.parse(event.data)); tell("frame"); });
+  source.addEventListener("registers", (event) => {
+    const words = JSON.parse(event.data);
+    device.error = words.error;
+    device.blockError = words.block_error;
+    if (!words.error) {
+      for (const block of ["control", "history", "diagnostics"]) device.registers.set(block, words[block]);
+      device.registers.set("process", words.process);
+      if (!isLive()) { device.registers.set("measurements", words.measurements); noteFault(); }
+    }
+    if (!device.online) { device.online = true; tell("state"); }
+    tell("registers");
+  });
+  source.onopen = () => { device.online = true; note("connected"); loadAbout(); tell("state"); };
+  source.onerror = () => {
+    if (device.online) note("connection lost");
+    device.online = false;
+    tell("state");
+    if (source.readyState === EventSource.CLOSED) setTimeout(connect, 2000);
+  };
+}
+
+export async function begin() {
+  for (;;) {
+    try {
+      device.registers = new Registers(await get("/api/registers"));
+      break;
+    } catch {
+      await new Promise((r) => setTimeout(r, 2000));
+    }
+  }
+  connect();
+  // A page that nobody sees asks for nothing.
+  document.addEventListener("visibilitychange", () => {
+    if (document.hidden) { source?.close(); device.online = false; }
+    else connect();
+  });
+}

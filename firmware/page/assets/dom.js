@@ -1,0 +1,67 @@
+// Elements in one call, and the few shapes that every page has.
+
+/** h("button", {class: "main", onclick}, "text", child, [children]) */
+export function h(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes || {})) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (name in element && name !== "list" && name !== "form") element[name] = value;
+    else element.setAttribute(name === "class" ? "class" : name, value === true ? "" : value);
+  }
+  element.append(...children.flat(2).filter((c) => c !== null && c !== undefined && c !== false));
+  return element;
+}
+
+export function setText(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+const paths = {
+  live: "M3 12h4l3 8 4-16 3 8h4",
+  setup: "M12 3v4M12 17v4M3 12h4M17 12h4M8 12a4 4 0 1 0 8 0 4 4 0 0 0-8 0",
+  registers: "M4 5h16M4 10h16M4 15h16M4 20h16M10 5v15",
+  settings: "M4 7h10M18 7h2M4 17h2M10 17h10M16 5v4M8 15v4",
+  recordings: "M12 5a7 7 0 1 0 0 14 7 7 0 0 0 0-14M12 9a3 3 0 1 0 0 6 3 3 0 0 0 0-6",
+  diagnostics: "M5 4h14v16H5zM9 9h6M9 13h6M9 17h3",
+  updates: "M12 4v11M8 8l4-4 4 4M5 19h14",
+  lock: "M6 11h12v9H6zM9 11V8a3 3 0 0 1 6 0v3",
+  unlock: "M6 11h12v9H6zM9 11V8a3 3 0 0 1 5.600-1.500",
+  warn: "M12 4 2.500 20h19zM12 10v5M12 17.500v.5",
+  bad: "M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18M9 9l6 6M15 9l-6 6",
+  good: "M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18M8 12.500l3 3 5-6",
+  info: "M12 3a9 9 0 1 0 0 18 9 9 0 0 0 0-18M12 11v6M12 7.500v.5",
+};
+
+export function icon(name) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("viewBox", "0 0 24 24");
+  svg.setAttribute("aria-hidden", "true");
+  const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
+  for (const [key, value] of Object.entries({d: paths[name], fill: "none", stroke: "currentColor", "stroke-width": "2",
+                                             "stroke-linecap": "round", "stroke-linejoin": "round"})) {
+    path.setAttribute(key, value);
+  }
+  svg.append(path);
+  return svg;
+}
+
+export const card = (title, actions, ...body) =>
+  h("section", {class: "card"}, h("header", {}, h("h2", {}, title), h("span", {class: "gap"}), actions || []), body);
+
+export function notice(level, title, text, action) {
+  return h("div", {class: `notice ${level}`}, icon(level === "info" ? "info" : level),
+           h("div", {}, h("b", {}, title), text ? h("span", {}, text) : null), action ? h("div", {class: "act"}, action) : null);
+}
+
+export function toast(text, level = "") {
+  const element = h("div", {class: `toast ${level}`}, text);
+  document.getElementById("toasts").append(element);
+  setTimeout(() => element.remove(), level === "bad" ? 9000 : 4500);
+}
+
+export function save(name, blob) {
+  const link = h("a", {href: URL.createObjectURL(blob), download: name});
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}

@@ -1,0 +1,296 @@
+#include "firmware/page/http_server.h"
+
+#include <arpa/inet.h>
+#include <microhttpd.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <list>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <vector>
+
+namespace finsight::page {
+
+namespace {
+
+constexpr int kEventKinds = 2;
+
+/// A connection, for as long as it is open.
+struct Link {
+  int descriptor = -1;
+  std::int64_t since_ns = 0;
+  bool is_awaited = true;  ///< a request, or the rest of one
+};
+
+/// A request that is coming in.
+struct Incoming {
+  Request request;
+  bool is_too_long = false;
+};
+
+std::string field(MHD_Connection* connection, const char* name) {
+  const char* value = MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
+  return value ? value : "";
+}
+
+std::uint32_t client_of(const sockaddr* address) {
+  if (!address || address->sa_family != AF_INET) return 0;
+  sockaddr_in ipv4{};
+  std::memcpy(&ipv4, address, sizeof ipv4);
+  return ntohl(ipv4.sin_addr.s_addr);
+}
+
+void add_fields(MHD_Response* response, const Answer& answer) {
+  const auto add = [&](const char* name, const std::string& value) {
+    MHD_add_response_header(response, name, value.c_str());
+  };
+  add("Content-Type", answer.type);
+  add("Cache-Control", answer.may_be_kept ? "no-cache" : "no-store");
+  add("Content-Security-Policy",
+      "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'");
+  add("X-Content-Type-Options", "nosniff");
+  add("Referrer-Policy", "no-referrer");
+  add("Cross-Origin-Resource-Policy", "same-origin");
+  if (answer.is_gzip) add("Content-Encoding", "gzip");
+  if (!answer.file_name.empty()) add("Content-Disposition", "attachment; filename=\"" + answer.file_name + "\"");
+  for (const auto& [name, value] : answer.fields) add(name.c_str(), value);
+}
+
+}  // namespace
+
+Answer refused(const Refusal& refusal) {
+  return {.status = refusal.status, .body = nlohmann::json{{"error", refusal.reason}}.dump()};
+}
+
+struct HttpServer::Impl {
+  /// A browser that listens to events. What it has not taken is not queued: it gets the newest next.
+  struct Stream {
+    Impl& server;
+    MHD_Connection* connection;
+    std::array<std::uint64_t, kEventKinds> sent{};
+    std::string pending = "retry: 1000\n\n";
+    std::size_t taken = 0;
+    bool is_waiting = false;
+  };
+
+  const PageSettings& settings;
+  const std::function<Answer(const Request&)> handle;
+  MHD_Daemon* daemon = nullptr;
+  std::mutex mutex;  ///< over what follows
+  std::list<Link> links;
+  std::list<Stream> streams;
+  std::array<std::string, kEventKinds> newest;
+  std::array<std::uint64_t, kEventKinds> numbers{};
+  bool is_stopping = false;
+
+  Impl(const PageSettings& page, std::function<Answer(const Request&)> handler)
+      : settings(page), handle(std::move(handler)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(settings.port));
+    inet_pton(AF_INET, settings.address.c_str(), &address.sin_addr);
+    daemon = MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME, 0, &may_connect, this,
+                              &on_request, this, MHD_OPTION_SOCK_ADDR, reinterpret_cast<sockaddr*>(&address),
+                              MHD_OPTION_CONNECTION_LIMIT, kMostConnections, MHD_OPTION_PER_IP_CONNECTION_LIMIT,
+                              kMostPerAddress, MHD_OPTION_CONNECTION_TIMEOUT, kSilence_s,
+                              MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionMemory, MHD_OPTION_LISTENING_ADDRESS_REUSE,
+                              1U, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, &on_completed, this,
+                              MHD_OPTION_NOTIFY_CONNECTION, &on_connection, this, MHD_OPTION_END);
+    if (!daemon) {
+      const int error = errno ? errno : EADDRINUSE;
+      throw std::system_error(error, std::generic_category(),
+                              "page: cannot listen on " + settings.address + ":" + std::to_string(settings.port));
+    }
+  }
+  ~Impl() {
+    {
+      const std::lock_guard guard(mutex);
+      is_stopping = true;
+      wake_streams();
+    }
+    MHD_stop_daemon(daemon);
+  }
+
+  static MHD_Result may_connect(void* self, const sockaddr* address, socklen_t) {
+    return is_listed(static_cast<Impl*>(self)->settings.allow, client_of(address)) ? MHD_YES : MHD_NO;
+  }
+
+  static void on_connection(void* self, MHD_Connection* connection, void** context,
+                            MHD_ConnectionNotificationCode code) {
+    Impl& server = *static_cast<Impl*>(self);
+    const std::lock_guard guard(server.mutex);
+    if (code == MHD_CONNECTION_NOTIFY_STARTED) {
+      const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+      server.links.push_back({info ? info->connect_fd : -1, steady_now_ns()});
+      *context = &server.links.back();
+    } else {
+      server.links.remove_if([&](const Link& link) { return &link == *context; });
+      *context = nullptr;
+    }
+  }
+
+  void note_progress(MHD_Connection* connection, bool is_awaited) {
+    const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    if (!info || !info->socket_context) return;
+    const std::lock_guard guard(mutex);
+    Link& link = *static_cast<Link*>(info->socket_context);
+    link.is_awaited = is_awaited;
+    link.since_ns = steady_now_ns();
+  }
+
+  static void on_completed(void* self, MHD_Connection* connection, void** incoming, MHD_RequestTerminationCode) {
+    delete static_cast<Incoming*>(*incoming);
+    *incoming = nullptr;
+    static_cast<Impl*>(self)->note_progress(connection, true);
+  }
+
+  static MHD_Result on_request(void* self, MHD_Connection* connection, const char* url, const char* method, const char*,
+                               const char* upload, std::size_t* upload_bytes, void** context) {
+    Impl& server = *static_cast<Impl*>(self);
+    auto* incoming = static_cast<Incoming*>(*context);
+    if (!incoming) {
+      *context = incoming = new Incoming{begin(connection, url, method)};
+      if (const auto refusal = check_request(incoming->request, server.settings)) {
+        return server.answer(connection, refused(*refusal));
+      }
+      if (is_longer_than_allowed(field(connection, MHD_HTTP_HEADER_CONTENT_LENGTH))) {
+        return server.answer(connection, refused({413, "The body is too long."}));
+      }
+      return MHD_YES;
+    }
+    if (*upload_bytes > 0) {
+      std::string& body = incoming->request.body;
+      incoming->is_too_long = incoming->is_too_long || body.size() + *upload_bytes > kLongestBody;
+      if (!incoming->is_too_long) body.append(upload, *upload_bytes);
+      const bool give_up = incoming->is_too_long;
+      *upload_bytes = 0;
+      return give_up ? MHD_NO : MHD_YES;  // MHD_NO closes the connection
+    }
+    return server.answer(connection, server.handle(incoming->request));
+  }
+
+  static Request begin(MHD_Connection* connection, const char* url, const char* method) {
+    const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+    return {.method = method,
+            .path = url,
+            .host = field(connection, MHD_HTTP_HEADER_HOST),
+            .origin = field(connection, MHD_HTTP_HEADER_ORIGIN),
+            .fetch_site = field(connection, "Sec-Fetch-Site"),
+            .token = field(connection, "X-Finsight-Token"),
+            .content_type = field(connection, MHD_HTTP_HEADER_CONTENT_TYPE),
+            .body = {},
+            .client = client_of(info ? info->client_addr : nullptr)};
+  }
+
+  static bool is_longer_than_allowed(const std::string& length) {
+    if (length.empty()) return false;
+    std::uint64_t bytes = 0;
+    const auto [end, error] = std::from_chars(length.data(), length.data() + length.size(), bytes);
+    return error != std::errc() || end != length.data() + length.size() || bytes > kLongestBody;
+  }
+
+  MHD_Result answer(MHD_Connection* connection, Answer answer) {
+    note_progress(connection, false);
+    MHD_Response* response = nullptr;
+    if (answer.is_event_stream) {
+      response = new_stream(connection);
+      if (!response) {
+        answer = refused({503, "Too many browsers are watching."});
+      } else {
+        answer.type = "text/event-stream";
+      }
+    }
+    if (answer.more) {
+      auto* more = new std::function<std::int64_t(char*, std::size_t)>(std::move(answer.more));
+      response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, 64 * 1024, &next_bytes, more, &free_more);
+    } else if (!response) {
+      response = MHD_create_response_from_buffer(answer.body.size(), answer.body.data(), MHD_RESPMEM_MUST_COPY);
+    }
+    if (!response) return MHD_NO;
+    add_fields(response, answer);
+    const MHD_Result result = MHD_queue_response(connection, answer.status, response);
+    MHD_destroy_response(response);
+    return result;
+  }
+
+  static ssize_t next_bytes(void* more, std::uint64_t, char* bytes, std::size_t room) {
+    const std::int64_t count = (*static_cast<std::function<std::int64_t(char*, std::size_t)>*>(more))(bytes, room);
+    if (count == 0) return MHD_CONTENT_READER_END_OF_STREAM;
+    return count < 0 ? MHD_CONTENT_READER_END_WITH_ERROR : static_cast<ssize_t>(count);
+  }
+  static void free_more(void* more) { delete static_cast<std::function<std::int64_t(char*, std::size_t)>*>(more); }
+
+  MHD_Response* new_stream(MHD_Connection* connection) {
+    const std::lock_guard guard(mutex);
+    if (streams.size() >= kMostStreams) return nullptr;
+    streams.push_back({.server = *this, .connection = connection});
+    return MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, 16 * 1024, &next_event, &streams.back(), &end_stream);
+  }
+
+  static ssize_t next_event(void* context, std::uint64_t, char* bytes, std::size_t room) {
+    Stream& stream = *static_cast<Stream*>(context);
+    Impl& server = stream.server;
+    const std::lock_guard guard(server.mutex);
+    if (server.is_stopping) return MHD_CONTENT_READER_END_OF_STREAM;
+    if (stream.taken == stream.pending.size()) {
+      stream.pending.clear();
+      stream.taken = 0;
+      for (std::size_t kind = 0; kind < kEventKinds; ++kind) {
+        if (stream.sent[kind] == server.numbers[kind]) continue;
+        stream.sent[kind] = server.numbers[kind];
+        stream.pending += server.newest[kind];
+      }
+    }
+    const std::size_t count = std::min(room, stream.pending.size() - stream.taken);
+    if (count == 0) {
+      stream.is_waiting = true;
+      MHD_suspend_connection(stream.connection);
+      return 0;
+    }
+    std::memcpy(bytes, stream.pending.data() + stream.taken, count);
+    stream.taken += count;
+    return static_cast<ssize_t>(count);
+  }
+
+  static void end_stream(void* context) {
+    Impl& server = static_cast<Stream*>(context)->server;
+    const std::lock_guard guard(server.mutex);
+    server.streams.remove_if([&](const Stream& stream) { return &stream == context; });
+  }
+
+  void wake_streams() {
+    for (Stream& stream : streams) {
+      if (std::exchange(stream.is_waiting, false)) MHD_resume_connection(stream.connection);
+    }
+  }
+};
+
+HttpServer::HttpServer(const PageSettings& settings, std::function<Answer(const Request&)> handle)
+    : impl_(std::make_unique<Impl>(settings, std::move(handle))) {}
+HttpServer::~HttpServer() = default;
+
+void HttpServer::send_event(int kind, const std::string& name, const std::string& data) {
+  const std::lock_guard guard(impl_->mutex);
+  const auto at = static_cast<std::size_t>(kind);
+  impl_->newest[at] = "event: " + name + "\ndata: " + data + "\n\n";
+  ++impl_->numbers[at];
+  impl_->wake_streams();
+}
+
+int HttpServer::streams() const {
+  const std::lock_guard guard(impl_->mutex);
+  return static_cast<int>(impl_->streams.size());
+}
+
+void HttpServer::close_slow(std::int64_t now_ns) {
+  const std::lock_guard guard(impl_->mutex);
+  for (const Link& link : impl_->links) {
+    if (link.is_awaited && now_ns - link.since_ns > kRequestTime_ns) shutdown(link.descriptor, SHUT_RDWR);
+  }
+}
+
+}  // namespace finsight::page

@@ -1,0 +1,112 @@
+// finsight-page: what finsightd sees and measures, in a browser. Reads what finsightd publishes in memory, and changes
+// things only as a Modbus client does.
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <string>
+#include <thread>
+
+#include "firmware/input_error.h"
+#include "firmware/page/api.h"
+#include "firmware/page/device.h"
+#include "firmware/page/http_server.h"
+#include "firmware/settings/settings.h"
+
+namespace {
+
+using namespace finsight;
+
+constexpr const char* kUsage =
+    "finsight-page: the commissioning page of a finger, for a browser.\n"
+    "\n"
+    "usage: finsight-page --settings FILE [--user FILE]\n"
+    "  --settings FILE   finsightd's board file, whose [page] says where to listen; see boards/replay/board.toml\n"
+    "  --user FILE       its values replace the board file's\n"
+    "  --help, --version\n"
+    "\n"
+    "Shows what finsightd publishes, and changes things as a Modbus client, once a browser has given the write_key.\n"
+    "Stops on SIGINT and SIGTERM. exit codes: 0 done, 1 failed at work (port in use), 2 bad arguments or no [page]\n";
+
+constexpr std::chrono::milliseconds kEvery(60);  // so many events a second that people see motion
+constexpr std::int64_t kRegistersEvery_ns = kNsPerS / 2, kCloseEvery_ns = kNsPerS;
+
+std::atomic<bool> stop_requested{false};
+
+void log_line(const std::string& message) { std::fprintf(stderr, "finsight-page: %s\n", message.c_str()); }
+
+struct Arguments {
+  std::string settings, user;
+};
+
+Arguments parse(int argc, char** argv) {
+  Arguments arguments;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    if (word != "--settings" && word != "--user") throw InputError("\"" + word + "\"", "unknown option (try --help)");
+    if (i + 1 >= argc || !*argv[i + 1]) throw InputError(word, "needs a value (try --help)");
+    (word == "--settings" ? arguments.settings : arguments.user) = argv[++i];
+  }
+  if (arguments.settings.empty()) throw InputError("--settings", "is missing (try --help)");
+  return arguments;
+}
+
+/// A device with wrong settings needs its page most.
+Settings settings_of(const Arguments& arguments) {
+  const SettingsFiles files(arguments.settings, arguments.user);
+  Settings settings;
+  try {
+    settings = read_settings(files);
+  } catch (const InputError& error) {
+    log_line(error.what());
+    settings = read_usable_settings(files);
+  }
+  if (!settings.page) throw InputError(arguments.settings, "has no usable [page], so there is no page");
+  return settings;
+}
+
+void serve(const Settings& settings) {
+  page::Device device(settings);
+  page::Api api(settings, device, page::assets());
+  page::HttpServer server(*settings.page, [&](const page::Request& request) { return api.handle(request); });
+  log_line("http://" + settings.page->address + ":" + std::to_string(settings.page->port) + "/");
+  std::int64_t registers_ns = 0, closed_ns = 0;
+  while (!stop_requested) {
+    std::this_thread::sleep_for(kEvery);
+    const std::int64_t now_ns = steady_now_ns();
+    if (now_ns - closed_ns >= kCloseEvery_ns) {
+      server.close_slow(now_ns);
+      closed_ns = now_ns;
+    }
+    if (server.streams() == 0) continue;
+    if (const std::string event = device.new_frame_event(); !event.empty()) server.send_event(0, "frame", event);
+    if (now_ns - registers_ns < kRegistersEvery_ns) continue;
+    registers_ns = now_ns;
+    server.send_event(1, "registers", device.registers_event());
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  for (int i = 1; i < argc; ++i) {
+    if (std::strcmp(argv[i], "--help") == 0) return std::fputs(kUsage, stdout) < 0;
+    if (std::strcmp(argv[i], "--version") == 0) return std::puts("finsight-page " FINSIGHT_VERSION) < 0;
+  }
+  const auto request_stop = [](int) { stop_requested = true; };
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+  std::signal(SIGPIPE, SIG_IGN);
+  try {
+    serve(settings_of(parse(argc, argv)));
+    return 0;
+  } catch (const InputError& error) {
+    log_line(error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    log_line(error.what());
+    return 1;
+  }
+}
