@@ -34,7 +34,7 @@ constexpr const char* kUsage =
     "  --check           read settings and model, run the self-test, and stop\n"
     "  --safe-outputs    set the digital outputs to their safe levels, and stop: for after a crash\n"
     "  --network FILE    write the [network] section for systemd-networkd to this file, and stop\n"
-    "  --safe-mode CODE  only serve a fault: that the firmware ended repeatedly with this exit code\n"
+    "  --safe-mode CODE  only serve a fault, for five minutes: that the firmware ended repeatedly with this exit code\n"
     "  --help, --version\n"
     "\n"
     "Stops on SIGINT and SIGTERM, or at the end of a recording that does not repeat.\n"
@@ -119,7 +119,12 @@ int measure(const Arguments& arguments, const Settings& settings) {
     log_message(saved.problem);
     loop.set_lasting_fault(FaultCode::kSavedSettings);
   }
-  if (arguments.check) return kDone;
+  check_realtime(settings.realtime);
+  if (arguments.check) {
+    if (settings.gpio && has_gpio()) check_gpio(*settings.gpio);
+    if (settings.gpio && !has_gpio()) log_message("gpio: not checked, this build has no libgpiod 2");
+    return kDone;
+  }
   std::optional<StateSaver> saver;
   if (!settings.saved_state.empty()) saver.emplace(settings.saved_state, basis);
   std::optional<Recorder> recorder;
@@ -170,7 +175,8 @@ FaultCode fault_after(const std::string& exit_code) {
 int start(const Arguments& arguments) {
   const SettingsFiles files(arguments.settings, arguments.user);
   if (!arguments.safe_mode.empty()) {
-    return SafeMode(files, fault_after(arguments.safe_mode)).run(stop_requested) ? 0 : 1;
+    SafeMode(files, fault_after(arguments.safe_mode)).run(stop_requested);
+    return kDone;
   }
   if (!arguments.network.empty()) {
     write_file_atomically(arguments.network, networkd_file(read_network_settings(files)));

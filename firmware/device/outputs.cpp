@@ -1,7 +1,11 @@
 #include "firmware/device/outputs.h"
 
 #include <atomic>
+#include <chrono>
 #include <csignal>
+#include <thread>
+
+#include "firmware/input_error.h"
 
 namespace finsight {
 
@@ -15,6 +19,18 @@ void on_crash(int signal) {
   if (Gpio* gpio = gpio_on_crash) gpio->set(safe_on_crash);
   std::signal(signal, SIG_DFL);
   std::raise(signal);
+}
+
+constexpr std::chrono::milliseconds kPatience(10'000), kBetweenTries(100);
+
+std::unique_ptr<Gpio> open_patiently(const GpioSettings& settings) {
+  for (const auto end = std::chrono::steady_clock::now() + kPatience;; std::this_thread::sleep_for(kBetweenTries)) {
+    try {
+      return open_gpio(settings);
+    } catch (const InputError&) {
+      if (!has_gpio() || std::chrono::steady_clock::now() > end) throw;
+    }
+  }
 }
 
 }  // namespace
@@ -49,7 +65,8 @@ const OutputLevels& OutputFilter::next(std::uint16_t status, const RuntimeSettin
 }
 
 DigitalOutputs::DigitalOutputs(const std::optional<GpioSettings>& settings)
-    : DigitalOutputs(settings ? open_gpio(*settings) : nullptr, settings ? safe_levels(*settings) : OutputLevels{}) {}
+    : DigitalOutputs(settings ? open_patiently(*settings) : nullptr,
+                     settings ? safe_levels(*settings) : OutputLevels{}) {}
 
 DigitalOutputs::DigitalOutputs(std::unique_ptr<Gpio> gpio, const OutputLevels& safe)
     : filter_(safe), gpio_(std::move(gpio)) {

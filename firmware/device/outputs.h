@@ -43,7 +43,8 @@ class TriggerInput {
 /// program, and when it crashes. At most one object at a time.
 class DigitalOutputs {
  public:
-  /// Throws InputError like open_gpio().
+  /// Waits for lines that cannot be opened, because at a start the chip may have no rights yet; then throws InputError
+  /// like open_gpio().
   explicit DigitalOutputs(const std::optional<GpioSettings>& settings);
   DigitalOutputs(std::unique_ptr<Gpio> gpio, const OutputLevels& safe);
   ~DigitalOutputs();

@@ -2,11 +2,14 @@
 
 #include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/sysinfo.h>
 
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
 #include <string>
+
+#include "firmware/input_error.h"
 
 namespace finsight {
 
@@ -19,6 +22,14 @@ void require(int result, const std::string& what) {
 }
 
 }  // namespace
+
+void check_realtime(const RealtimeSettings& settings) {
+  const int processors = get_nprocs_conf();
+  if (settings.cpu < processors) return;
+  throw InputError(
+      "realtime", "cpu", std::to_string(settings.cpu),
+      "at most " + std::to_string(processors - 1) + ": this machine has " + std::to_string(processors) + " processors");
+}
 
 void make_realtime(const RealtimeSettings& settings) {
   if (settings.lock_memory) require(mlockall(MCL_CURRENT | MCL_FUTURE), "realtime.lock_memory");

@@ -7,6 +7,9 @@
 
 namespace finsight {
 
+/// Throws InputError for a processor that this machine does not have.
+void check_realtime(const RealtimeSettings& settings);
+
 /// Applies to the calling thread (the memory lock to the whole process). Throws std::runtime_error naming the setting
 /// that the system refuses. Without a priority the thread becomes nice -10 where the system allows it.
 void make_realtime(const RealtimeSettings& settings);

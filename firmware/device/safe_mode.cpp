@@ -77,17 +77,21 @@ SafeMode::SafeMode(const Settings& settings, FaultCode fault)
   server_ = open_server_with_fallback(settings.modbus, control_);
 }
 
-bool SafeMode::run(const std::atomic<bool>& stop) {
+bool SafeMode::run(const std::atomic<bool>& stop, std::chrono::nanoseconds longest) {
   log_message("SAFE MODE, fault " + std::to_string(static_cast<int>(state_.fault)) + "; Modbus TCP on port " +
               std::to_string(port()));
-  Supervisor().ready();
+  Supervisor supervisor;
+  supervisor.ready();
   RegisterImage image = empty_block();
+  const std::int64_t end_ns = steady_now_ns() + longest.count();
   while (!stop) {
+    const std::int64_t now_ns = steady_now_ns();
+    if (now_ns > end_ns) return false;
+    supervisor.alive_in_safe_mode(now_ns);
     ++state_.heartbeat;
     state_.settings = control_.settings();
     encode_registers(PlatePoses{}, FingerShape{}, Touch{}, state_, image);
     server_->publish(image);
-    const std::int64_t now_ns = steady_now_ns();
     health_.note(image, false, now_ns, now_ns, {});
     if (const auto command = control_.take_command()) {
       control_.finish(*command == Command::kReset ? CommandResult::kDone : CommandResult::kNotPossible);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <memory>
 #include <optional>
 
@@ -22,8 +23,9 @@ class SafeMode {
   /// Opens outputs and server. Throws std::system_error if not even the fallback port can be opened.
   SafeMode(const SettingsFiles& files, FaultCode fault);
   int port() const { return server_->port(); }
-  /// Until `stop` is set (true), or a client ordered a reset and has had the time to read its result (false).
-  bool run(const std::atomic<bool>& stop);
+  /// Until `stop` is set (true); or a client ordered a reset and has had the time to read its result, or the time is
+  /// over (false): then the sensor may be tried again. A camera may be back.
+  bool run(const std::atomic<bool>& stop, std::chrono::nanoseconds longest = std::chrono::minutes(5));
 
  private:
   SafeMode(const Settings& settings, FaultCode fault);

@@ -33,10 +33,10 @@ Supervisor::~Supervisor() {
 
 void Supervisor::ready() const { send("READY=1"); }
 
-void Supervisor::alive(std::int64_t now_ns, bool is_measuring) {
+void Supervisor::send_once_per_second(std::int64_t now_ns, const char* message) {
   if (now_ns - last_alive_ns_ < kNsPerS) return;  // the supervisor need not hear of every frame
   last_alive_ns_ = now_ns;
-  send(is_measuring ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
+  send(message);
 }
 
 void Supervisor::send(const char* message) const {

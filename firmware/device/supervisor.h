@@ -17,9 +17,15 @@ class Supervisor {
   void ready() const;
   /// Restarts the watchdog's time, at most once per second, and reports whether the sensor is measuring. Call it for
   /// every new frame (true), and whenever the camera was looked for and not found (false).
-  void alive(std::int64_t now_ns, bool is_measuring);
+  void alive(std::int64_t now_ns, bool is_measuring) {
+    send_once_per_second(now_ns,
+                         is_measuring ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
+  }
+  /// The same in safe mode, which has no sensor.
+  void alive_in_safe_mode(std::int64_t now_ns) { send_once_per_second(now_ns, "WATCHDOG=1\nSTATUS=safe mode"); }
 
  private:
+  void send_once_per_second(std::int64_t now_ns, const char* message);
   void send(const char* message) const;
   int socket_ = -1;
   std::int64_t last_alive_ns_ = 0;

@@ -27,6 +27,13 @@ bool is_ipv4(const std::string& text, bool with_prefix) {
   return network && (text.find('/') != std::string::npos) == with_prefix && network->mask != 0;
 }
 
+bool is_host(const Network& network) {
+  const std::uint32_t first_byte = network.address >> 24;
+  if (first_byte == 0 || first_byte == 127 || first_byte >= 224) return false;
+  const std::uint32_t rest = network.address & ~network.mask;
+  return ~network.mask <= 1 || (rest != 0 && rest != ~network.mask);  // a network of two has no such addresses
+}
+
 bool is_listed(const std::vector<Network>& list, std::uint32_t client) {
   return list.empty() || std::ranges::any_of(list, [&](const Network& n) { return n.contains(client); });
 }

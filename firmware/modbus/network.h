@@ -20,6 +20,10 @@ struct Network {
 /// without.
 bool is_ipv4(const std::string& text, bool with_prefix);
 
+/// Whether a device can have this address in this network: neither reserved (0.0.0.0/8, loopback, multicast and above)
+/// nor the network's first or last, which are the network itself and all of its devices.
+bool is_host(const Network& network);
+
 /// Whether the client is on the list; everybody is on an empty list.
 bool is_listed(const std::vector<Network>& list, std::uint32_t client);
 

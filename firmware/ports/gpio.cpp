@@ -13,9 +13,16 @@ OutputLevels safe_levels(const GpioSettings& settings) {
 }
 
 #if !FINSIGHT_HAS_GPIOD
-std::unique_ptr<Gpio> open_gpio(const GpioSettings& settings) {
+bool has_gpio() { return false; }
+
+void check_gpio(const GpioSettings& settings) {
   throw InputError("gpio.chip",
                    "\"" + settings.chip + "\" needs libgpiod 2, which this build lacks (Debian 13 has it)");
+}
+
+std::unique_ptr<Gpio> open_gpio(const GpioSettings& settings) {
+  check_gpio(settings);
+  return nullptr;
 }
 #endif
 

@@ -52,4 +52,10 @@ class Gpio {
 /// a line that does not exist, is in use or named twice, and always in a build without libgpiod 2.
 std::unique_ptr<Gpio> open_gpio(const GpioSettings& settings);
 
+/// Throws InputError where open_gpio() would, but takes no line; those that a running finsightd has count as free.
+void check_gpio(const GpioSettings& settings);
+
+/// Whether this build has libgpiod 2.
+bool has_gpio();
+
 }  // namespace finsight

@@ -56,8 +56,8 @@ Chip open_chip(const std::string& wanted) {
   throw InputError("gpio.chip", found.empty() ? "no chip" : found, "a path or label", quoted(wanted));
 }
 
-/// The line's number on the chip; it must be free.
-unsigned find_line(gpiod_chip* chip, const GpioLine& line, const std::string& field) {
+/// The line's number on the chip; it must be free, or have this user.
+unsigned find_line(gpiod_chip* chip, const GpioLine& line, const std::string& field, const char* allowed_user) {
   int offset = static_cast<int>(line.number);
   if (!line.name.empty()) {
     offset = gpiod_chip_get_line_offset_from_name(chip, line.name.c_str());
@@ -68,10 +68,37 @@ unsigned find_line(gpiod_chip* chip, const GpioLine& line, const std::string& fi
   if (!info) throw InputError(field, "the chip has no line " + shown + " (" + std::strerror(errno) + ")");
   if (gpiod_line_info_is_used(info.get())) {
     const char* consumer = gpiod_line_info_get_consumer(info.get());
+    if (consumer && allowed_user && std::strcmp(consumer, allowed_user) == 0) return static_cast<unsigned>(offset);
     throw InputError(field, "line " + shown + " is in use by " + quoted(consumer ? consumer : "the kernel"));
   }
   return static_cast<unsigned>(offset);
 }
+
+/// The numbers of all lines on the chip.
+struct LineNumbers {
+  LineNumbers(gpiod_chip* chip, const GpioSettings& settings, const char* allowed_user = nullptr) {
+    for (int output = 0; output < kOutputs; ++output) {
+      if (settings.lines[output])
+        outputs[output] = find_unused(chip, *settings.lines[output], kOutputName[output], allowed_user);
+    }
+    if (settings.trigger) trigger = find_unused(chip, *settings.trigger, "trigger", allowed_user);
+  }
+
+  std::array<std::optional<unsigned>, kOutputs> outputs;
+  std::optional<unsigned> trigger;
+
+ private:
+  /// Each line has one purpose.
+  unsigned find_unused(gpiod_chip* chip, const GpioLine& line, const std::string& name,
+                       const char* allowed_user) const {
+    const unsigned offset = find_line(chip, line, "gpio." + name, allowed_user);
+    for (int output = 0; output < kOutputs; ++output) {
+      if (outputs[output] == offset)
+        throw InputError("gpio." + name, std::string("is the line of ") + kOutputName[output]);
+    }
+    return offset;
+  }
+};
 
 gpiod_line_value value(bool active) { return active ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE; }
 
@@ -93,19 +120,17 @@ class LibgpiodGpio : public Gpio {
  public:
   explicit LibgpiodGpio(const GpioSettings& settings) : safe_(safe_levels(settings)) {
     const Chip chip = open_chip(settings.chip);
+    const LineNumbers numbers(chip.get(), settings);
     const LineConfig lines(gpiod_line_config_new());
     check(lines != nullptr, "gpio");
     for (int output = 0; output < kOutputs; ++output) {
-      if (!settings.lines[output]) continue;
-      const std::string field = std::string("gpio.") + kOutputName[output];
-      const unsigned offset = find_line(chip.get(), *settings.lines[output], field);
-      check_unused(offset, field);
-      add_output(lines.get(), offset, *settings.lines[output], field);
-      offset_[count_] = offset;
+      if (!numbers.outputs[output]) continue;
+      add_output(lines.get(), *numbers.outputs[output], *settings.lines[output],
+                 std::string("gpio.") + kOutputName[output]);
       output_[count_++] = output;
     }
     if (count_ > 0) request_ = request_lines(chip.get(), lines.get(), settings.consumer);
-    if (settings.trigger) open_trigger(chip.get(), *settings.trigger, settings.consumer);
+    if (settings.trigger) open_trigger(chip.get(), *settings.trigger, *numbers.trigger, settings.consumer);
   }
 
   ~LibgpiodGpio() override { LibgpiodGpio::set(safe_); }
@@ -122,12 +147,6 @@ class LibgpiodGpio : public Gpio {
   }
 
  private:
-  void check_unused(unsigned offset, const std::string& field) const {
-    for (int i = 0; i < count_; ++i) {
-      if (offset_[i] == offset) throw InputError(field, std::string("is the line of ") + kOutputName[output_[i]]);
-    }
-  }
-
   /// The line becomes an output at its safe level at once.
   static void add_output(gpiod_line_config* lines, unsigned offset, const OutputLine& line, const std::string& field) {
     const LineSettings settings(gpiod_line_settings_new());
@@ -139,10 +158,9 @@ class LibgpiodGpio : public Gpio {
   }
 
   /// A separate request: the levels of a request that contains an input cannot be set together.
-  void open_trigger(gpiod_chip* chip, const GpioLine& line, const std::string& consumer) {
+  void open_trigger(gpiod_chip* chip, const GpioLine& line, unsigned offset, const std::string& consumer) {
     const std::string field = "gpio.trigger";
-    trigger_offset_ = find_line(chip, line, field);
-    check_unused(trigger_offset_, field);
+    trigger_offset_ = offset;
     const LineConfig lines(gpiod_line_config_new());
     const LineSettings settings(gpiod_line_settings_new());
     check(lines && settings, field);
@@ -156,11 +174,17 @@ class LibgpiodGpio : public Gpio {
   LineRequest request_, trigger_;
   int count_ = 0;
   std::array<int, kOutputs> output_{};  // which output the request's i-th line is
-  std::array<unsigned, kOutputs> offset_{};
   unsigned trigger_offset_ = 0;
 };
 
 }  // namespace
+
+bool has_gpio() { return true; }
+
+void check_gpio(const GpioSettings& settings) {
+  const Chip chip = open_chip(settings.chip);
+  const LineNumbers numbers(chip.get(), settings, settings.consumer.c_str());
+}
 
 std::unique_ptr<Gpio> open_gpio(const GpioSettings& settings) { return std::make_unique<LibgpiodGpio>(settings); }
 

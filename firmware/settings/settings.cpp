@@ -227,13 +227,18 @@ void read_network(TomlTable table, NetworkSettings& network) {
   if (table.choice("method", {"dhcp", "static"}) == "static") {
     network.address = table.text("address");
     network.gateway = table.text("gateway", "");
-    if (!is_ipv4(network.address, true)) {
+    const std::optional<Network> own = Network::parse(network.address);
+    if (!is_ipv4(network.address, true) || !is_host(*own)) {
       throw InputError(table.where("address"), "network.address", "\"" + network.address + "\"",
-                       "an address with its prefix length, such as \"192.168.0.40/24\"");
+                       "a device's address with its prefix length, such as \"192.168.0.40/24\"");
     }
-    if (!network.gateway.empty() && !is_ipv4(network.gateway, false)) {
+    if (network.gateway.empty()) return table.finish();
+    const std::optional<Network> gateway = Network::parse(network.gateway);
+    const bool is_another = gateway && is_host({gateway->address, own->mask}) && own->contains(gateway->address) &&
+                            gateway->address != own->address;
+    if (!is_ipv4(network.gateway, false) || !is_another) {
       throw InputError(table.where("gateway"), "network.gateway", "\"" + network.gateway + "\"",
-                       "an address, such as \"192.168.0.1\"");
+                       "another device's address in the network of " + network.address);
     }
   }
   table.finish();

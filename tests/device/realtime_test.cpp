@@ -109,6 +109,13 @@ TEST_CASE("real time: a setting that the system refuses is named") {
   }).join();
 }
 
+TEST_CASE("realtime: a processor that this machine does not have is refused before the start") {
+  check_realtime({});
+  check_realtime({.cpu = first_processor()});
+  CHECK_THROWS_WITH_AS(check_realtime({.cpu = 255}), doctest::Contains("realtime: cpu: found 255, expected at most "),
+                       InputError);
+}
+
 TEST_CASE(
     "realtime: without a priority the frame loop is nicer to itself where it may, and as before after a restore") {
   std::thread([] {

@@ -159,6 +159,16 @@ TEST_CASE("safe mode: the fallback port keeps every restriction") {
   CHECK(fallback.allow_writes[0].address == 0x0A000007);
 }
 
+TEST_CASE("safe mode: ends after its time, so that the sensor is tried again") {
+  const test::ScratchFolder folder;
+  folder.write("board.toml", kBoard);
+  SafeMode safe(SettingsFiles(folder / "board.toml"), FaultCode::kFailedRepeatedly);
+  const std::atomic<bool> stop{false};
+  const std::int64_t began_ns = steady_now_ns();
+  CHECK_FALSE(safe.run(stop, std::chrono::milliseconds(300)));
+  CHECK(steady_now_ns() - began_ns > 300 * kNsPerMs);
+}
+
 TEST_CASE("safe mode: a reset is carried out, any other command is not possible") {
   const test::ScratchFolder folder;
   Serving safe(folder, kBoard);

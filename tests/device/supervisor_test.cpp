@@ -52,6 +52,8 @@ TEST_CASE("supervisor: systemd is notified of the start, and at most once per se
   CHECK(systemd.next() == "");
   supervisor.alive(6 * kSecond, false);
   CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=looking for the camera");
+  supervisor.alive_in_safe_mode(7 * kSecond);
+  CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=safe mode");
 }
 
 TEST_CASE("supervisor: without a socket, or with one that nobody reads, nothing happens") {

@@ -217,3 +217,18 @@ TEST_CASE("gpio: a line that does not exist, is in use or named twice is refused
   CHECK(says(refusal(wrong), "gpio.healthy: is the line of contact"));
   CHECK(recorder.objects == 0);
 }
+
+TEST_CASE("gpio: a check refuses what opening refuses, takes no line, and does not mind those that a finsightd has") {
+  recorder = {};
+  check_gpio(settings());
+  GpioSettings wrong = settings();
+  wrong.lines[kHealthyOutput]->number = kLines;
+  CHECK_THROWS_WITH_AS(check_gpio(wrong), doctest::Contains("no line 8"), InputError);
+  wrong.lines[kHealthyOutput]->number = kTakenLine;
+  CHECK_THROWS_WITH_AS(check_gpio(wrong), doctest::Contains("power button"), InputError);
+  wrong.consumer = "power button";
+  check_gpio(wrong);
+  CHECK(recorder.requested == 0);
+  CHECK(recorder.sets.empty());
+  CHECK(recorder.objects == 0);
+}

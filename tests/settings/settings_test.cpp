@@ -361,6 +361,27 @@ TEST_CASE("settings: an error in the user's file names that file and line") {
   CHECK(user_refusal("this is not TOML").find("user.toml:1") != std::string::npos);
 }
 
+TEST_CASE("settings: addresses that no device can have, and gateways that it cannot reach, are refused") {
+  const auto refusal = [](const std::string& address, const std::string& gateway = "") {
+    return user_refusal("[network]\nmethod = \"static\"\naddress = \"" + address + "\"\n" +
+                        (gateway.empty() ? "" : "gateway = \"" + gateway + "\"\n"));
+  };
+  for (const char* address : {"10.1.2.3/8", "192.168.0.40/24", "169.254.7.7/16", "10.0.0.0/31", "10.0.0.7/32"}) {
+    CHECK(refusal(address) == "");
+  }
+  for (const char* address : {"0.0.0.0/8", "0.1.2.3/8", "127.0.0.1/8", "224.0.0.5/24", "255.255.255.255/24",
+                              "192.168.0.0/24", "192.168.0.255/24", "10.1.2.3/0"}) {
+    CAPTURE(address);
+    CHECK(refusal(address).find("user.toml:3: network.address: found") != std::string::npos);
+  }
+  CHECK(refusal("192.168.0.40/24", "192.168.0.1") == "");
+  for (const char* gateway :
+       {"192.168.1.1", "192.168.0.40", "192.168.0.0", "192.168.0.255", "127.0.0.1", "router", "192.168.0.1/24"}) {
+    CAPTURE(gateway);
+    CHECK(refusal("192.168.0.40/24", gateway).find("user.toml:4: network.gateway: found") != std::string::npos);
+  }
+}
+
 TEST_CASE("settings: the network is read whatever the rest is like") {
   const test::ScratchFolder folder;
   const auto board = folder.write("board.toml", kBoard);

@@ -3,6 +3,7 @@
 
 usage: card_test.py SOURCE_DIR [unittest arguments]
 """
+import fcntl
 import hashlib
 import os
 import random
@@ -19,6 +20,7 @@ from machine import make_update
 SOURCE = Path(sys.argv.pop(1))
 ROOT = SOURCE / "boards" / "image" / "rootfs"
 MIB = 1 << 20
+RESTART = 64  # exit code of slots: the machine must start again
 
 
 class Case(unittest.TestCase):
@@ -160,7 +162,8 @@ class Update(Case):
         (self.folder / "release").write_text("board=rpi4\nversion=1\nid=old\n")
         self.environment = {"FINSIGHT_DEVICES": str(self.folder), "FINSIGHT_CMDLINE": str(self.folder / "cmdline"),
                             "FINSIGHT_LIB": str(ROOT / "usr/lib/finsight"), "FINSIGHT_KEY": str(self.public),
-                            "FINSIGHT_RELEASE": str(self.folder / "release")}
+                            "FINSIGHT_RELEASE": str(self.folder / "release"), "FINSIGHT_STATE": str(self.folder),
+                            "FINSIGHT_STAYS_UP_S": "0"}
         self.file = self.folder / "finsight-2.update"
 
     def make(self, payload=None, key=None, board="rpi4", identity="new"):
@@ -169,8 +172,8 @@ class Update(Case):
     def update(self):
         return self.run_with(["sh", ROOT / "usr/sbin/finsight-update", self.file], **self.environment)
 
-    def slots(self, word):
-        return self.run_with(["sh", ROOT / "usr/lib/finsight/slots", word], **self.environment)
+    def slots(self, *words):
+        return self.run_with(["sh", ROOT / "usr/lib/finsight/slots", *words], **self.environment)
 
     def record(self):
         block = (self.folder / "env").read_bytes()[8192:9216]
@@ -213,6 +216,20 @@ class Update(Case):
                 self.assertIn(reason, answer.stderr)
                 self.assertEqual(((self.folder / "env").read_bytes(), (self.folder / "slot-b").read_bytes()), before)
 
+    def test_a_second_update_is_refused_while_one_is_written_and_until_it_was_started(self):
+        self.make()
+        with open(self.folder / "update.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            self.assertIn("another update", self.update().stderr)
+        self.assertEqual(self.update().returncode, 0)
+        answer = self.update()
+        self.assertEqual((answer.returncode, "start it first" in answer.stderr), (1, True), answer.stderr)
+
+    def test_a_strange_name_is_not_shown(self):
+        self.file = self.folder / "finsight-\n\x1b[2J.update"
+        self.file.write_bytes(b"hello")
+        self.assertEqual(self.update().stderr, "finsight-update: finsight-2J.update: not a Finsight update\n")
+
     def test_the_running_version_is_left_alone(self):
         self.make(identity="old")
         self.assertEqual(self.update().returncode, 3)
@@ -228,6 +245,7 @@ class Update(Case):
         for _ in range(40):
             self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put a iiiiiiii 1 0'], **self.environment)
             (self.folder / "slot-b").write_bytes(self.old.ljust(4 * MIB, b"\0"))
+            (self.folder / "updated").unlink(missing_ok=True)
             process = subprocess.Popen(["sh", ROOT / "usr/sbin/finsight-update", self.file], start_new_session=True,
                                        env={**os.environ, **self.environment}, stdout=subprocess.DEVNULL,
                                        stderr=subprocess.DEVNULL)
@@ -244,7 +262,7 @@ class Update(Case):
 
     def replace_systemctl(self, script):
         bin_folder = self.folder / "bin"
-        bin_folder.mkdir()
+        bin_folder.mkdir(exist_ok=True)
         (bin_folder / "systemctl").write_text(f"#!/bin/sh\n{script}\n")
         (bin_folder / "systemctl").chmod(0o755)
         self.environment["PATH"] = f"{bin_folder}:{os.environ['PATH']}"
@@ -270,14 +288,90 @@ class Update(Case):
 
     def test_starts_are_filled_up_when_healthy_and_taken_when_an_update_is_sick(self):
         put = '. "$FINSIGHT_LIB/slots"; slots_put'
-        self.replace_systemctl(f'echo "$@" >>{self.folder}/asked')
         self.run_with(["sh", "-c", f"{put} a i 1 1"], **self.environment)
-        self.assertEqual(self.slots("trial-over").returncode, 0)
+        self.assertEqual(self.slots("trial-over").returncode, RESTART)
         self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "1"})
-        self.assertEqual((self.folder / "asked").read_text(), "reboot\n")
         self.run_with(["sh", "-c", f"{put} a ii 1 0"], **self.environment)
-        self.slots("trial-over")
+        self.assertEqual(self.slots("trial-over").returncode, 0)
         self.assertEqual(self.record()["left"], "ii")
+
+    def put_head(self, slot, key=None):
+        """The head of an update of what the slot holds, at its end."""
+        make_update(self.folder / "head", self.old, key or self.key, "rpi4", "1", "old")
+        content = bytearray((self.folder / f"slot-{slot}").read_bytes())
+        content[-4096:] = (self.folder / "head").read_bytes()[:4096]
+        (self.folder / f"slot-{slot}").write_bytes(content)
+
+    def damage(self, slot):
+        content = bytearray((self.folder / f"slot-{slot}").read_bytes())
+        content[MIB] ^= 1
+        (self.folder / f"slot-{slot}").write_bytes(content)
+
+    def test_a_damaged_slot_is_left_if_the_other_one_is_whole(self):
+        self.put_head("a")
+        self.put_head("b")
+        self.assertEqual(self.slots("safe-mode").returncode, 0)
+        self.assertEqual(self.record()["left"], "iiiiiiii")
+        self.damage("a")
+        for word in ("healthy", "safe-mode"):
+            self.assertEqual(self.slots(word).returncode, RESTART)
+            self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "0"})
+        self.damage("b")
+        answer = self.slots("safe-mode")
+        self.assertEqual((answer.returncode, self.record()["left"]), (0, "iiiiiiii"))
+        self.assertIn("and so is the other one", answer.stderr)
+
+    def test_a_slot_without_a_head_of_ours_is_not_judged(self):
+        other = self.folder / "other.pem"
+        subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out", other], check=True)
+        self.put_head("a", other)
+        self.put_head("b")
+        self.damage("a")
+        self.assertEqual(self.slots("safe-mode").returncode, 0)
+
+    def test_the_head_of_an_update_stays_with_its_slot(self):
+        self.make()
+        self.assertEqual(self.update().returncode, 0)
+        self.assertEqual((self.folder / "slot-b").read_bytes()[-4096:], self.file.read_bytes()[:4096])
+
+    def test_the_third_failure_of_safe_mode_starts_the_machine_with_less_trust_in_the_slot(self):
+        for end in ("failure", "failure", "success", "failure", "failure"):
+            self.assertEqual(self.slots("after-safe-mode", end).returncode, 0)
+        self.assertEqual(self.record()["left"], "iiiiiiii")
+        self.assertEqual(self.slots("after-safe-mode", "failure").returncode, RESTART)
+        self.assertEqual(self.record(), {"slot": "a", "left": "i", "spare": "1", "trial": "0"})
+
+    def test_a_machine_on_which_nothing_runs_is_started_again(self):
+        for states, code in (("active", 0), ("failed", 0), ("activating", 0), ("failed", 0), ("inactive", RESTART)):
+            self.replace_systemctl(f"echo {states}; echo; echo inactive")
+            self.assertEqual(self.slots("guard").returncode, code, states)
+
+
+class Trim(Case):
+    def trimmed(self, recordings, size):
+        """What is left of recordings (name -> seconds since 1970) that take `size` bytes each of a disk of 8 MiB."""
+        for name, seconds in recordings.items():
+            (self.folder / name).mkdir()
+            (self.folder / name / "frames.y4m").write_bytes(b"x" * size)
+            os.utime(self.folder / name, (seconds, seconds))
+        bin_folder = self.folder / "bin"
+        bin_folder.mkdir()
+        (bin_folder / "stat").write_text("#!/bin/sh\necho '2048 * 4096'\n")
+        (bin_folder / "stat").chmod(0o755)
+        answer = self.run_with(["sh", ROOT / "usr/lib/finsight/trim-recordings", self.folder],
+                               PATH=f"{bin_folder}:{os.environ['PATH']}")
+        self.assertEqual(answer.returncode, 0, answer.stderr)
+        return {name for name in recordings if (self.folder / name).exists()}
+
+    def test_the_lowest_number_goes_first_whatever_the_clock_said(self):
+        names = {"session-0009": 300, "session-0010": 200, "session-0011": 100}
+        self.assertEqual(self.trimmed(names, 2 * MIB), {"session-0011"})
+
+    def test_recordings_above_9999_are_newer(self):
+        self.assertEqual(self.trimmed({"session-10000": 1, "session-9999": 2}, 3 * MIB), {"session-10000"})
+
+    def test_a_recording_that_fills_the_disk_stays(self):
+        self.assertEqual(self.trimmed({"session-0001": 1}, 7 * MIB), {"session-0001"})
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from pathlib import Path
 FIRMWARE = "/usr/share/AAVMF/AAVMF_CODE.fd"
 READY = 1  # bit of register 0
 TEST_CONSTANT = 0x1234  # register 39
+NOMINAL_START_S = 45  # power to the first answer, on an idle workstation with two cores
 SHELL_UNIT = """[Unit]
 DefaultDependencies=no
 [Service]
@@ -39,12 +40,12 @@ def free_port():
         return probe.getsockname()[1]
 
 
-def read_registers(port, count=48, timeout=3):
+def read_registers(port, count=48, timeout=3, address=0):
     """The measurement block, or None when nobody answers. One connection per call, as nothing is kept over a power cut."""
     try:
         with socket.create_connection(("127.0.0.1", port), timeout) as client:
             client.settimeout(timeout)
-            client.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, 0, count))
+            client.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, address, count))
             answer = b""
             while len(answer) < 9 + 2 * count:
                 part = client.recv(512)
@@ -64,6 +65,7 @@ class Machine:
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.process = None
+        self.slowness = 1.0  # of this workstation just now, by the last start: what time limits are multiplied with
         for name, text in (("unit", credential("systemd.extra-unit.test-shell.service", SHELL_UNIT)),
                            ("want", credential("systemd.unit-dropin.multi-user.target", SHELL_WANT))):
             (self.folder / name).write_text(text)
@@ -101,6 +103,7 @@ class Machine:
         self.process = subprocess.Popen([str(w) for w in self.command(*more)], stderr=self.errors, stdout=self.errors,
                                         stdin=subprocess.DEVNULL)
         self.switched_on = time.monotonic()
+        self.has_answered = False
 
     def cut_power(self):
         if self.process:
@@ -116,15 +119,19 @@ class Machine:
     def __exit__(self, *_):
         self.cut_power()
 
-    def wait_registers(self, accept=lambda words: True, limit_s=900):
-        """Seconds from power to the first block that is acceptable, and the block."""
-        while time.monotonic() - self.switched_on < limit_s:
+    def wait_registers(self, accept=lambda words: True, limit_s=900, since_now=False):
+        """Seconds from power, or from now, to the first block that is acceptable, and the block."""
+        began = time.monotonic() if since_now else self.switched_on
+        while time.monotonic() - began < limit_s * self.slowness:
             assert self.process.poll() is None, "qemu ended: " + (self.folder / "qemu.log").read_text()
             words = read_registers(self.port)
+            if words and words[39] == TEST_CONSTANT and not self.has_answered:
+                self.has_answered = True
+                self.slowness = max(1.0, (time.monotonic() - self.switched_on) / NOMINAL_START_S)
             if words and words[39] == TEST_CONSTANT and accept(words):
-                return time.monotonic() - self.switched_on, words
+                return time.monotonic() - began, words
             time.sleep(0.2)
-        raise TimeoutError(f"no such registers within {limit_s} s; the console says:\n" + self.console()[-3000:])
+        raise TimeoutError(f"no such registers within {limit_s * self.slowness:.0f} s; the last are {words and words[:5]}; the console says:\n" + self.console()[-3000:])
 
     def console(self):
         return (self.folder / "console.log").read_text(errors="replace").replace("\r", "")
@@ -174,9 +181,19 @@ class Machine:
             text += part
         return text.replace(b"\r", b"")
 
+    def wait_new_process(self, unit, last, limit_s):
+        """Until a unit's main process is another one than the last."""
+        end = time.monotonic() + limit_s * self.slowness
+        while time.monotonic() < end:
+            _, now = self.shell(f"systemctl show -P MainPID {unit}")
+            if now.strip() not in ("0", last.strip()):
+                return
+            time.sleep(1)
+        raise TimeoutError(f"{unit} has process {now.strip()}, before {last.strip()}")
+
     def wait_up(self, limit_s=900):
         """Until the device counts itself healthy (or stays in safe mode): from then on it takes updates."""
-        end = time.monotonic() + limit_s
+        end = time.monotonic() + limit_s * self.slowness
         while self.shell("[ -e /run/finsight/up ]")[0] != 0:
             if time.monotonic() > end:
                 raise TimeoutError("never healthy:\n" + self.console()[-2000:])
@@ -190,14 +207,14 @@ class Machine:
         self.monitor(f"device_del usb-{name}")
 
 
-def make_stick(image, files):
+def make_stick(image, files, free_mib=48):
     """A FAT-formatted USB stick with these files at its root."""
-    size = sum(Path(f).stat().st_size for f in files) + (48 << 20)  # FAT32 begins at about 33 MB
+    size = sum(Path(f).stat().st_size for f in files) + (free_mib << 20)  # FAT32 begins at about 33 MB
     with open(image, "wb") as out:
         out.truncate((size + 0xFFFFF) & ~0xFFFFF)
     subprocess.run(["mformat", "-i", image, "-F", "::"], check=True)
-    for file in files:
-        subprocess.run(["mcopy", "-i", image, file, "::/"], check=True)
+    for some in range(0, len(files), 500):
+        subprocess.run(["mcopy", "-i", image, *files[some:some + 500], "::/"], check=True)
 
 
 def write_settings(card, text):
