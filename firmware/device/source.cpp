@@ -23,8 +23,11 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
     case Settings::Source::kPoses:
       return std::nullopt;
     case Settings::Source::kSession: {
-      const SessionInfo info = read_session_info(settings.replay.path);
+      SessionInfo info = read_session_info(settings.replay.path);
       check_markers(info, settings.replay.path, model.mount.marker_id, marker_size_mm, "the model pack");
+      if (!settings.measured_lens.empty()) {
+        info.lens = read_lens(TomlTable::parse_file(settings.measured_lens), info.lens.width_px, info.lens.height_px);
+      }
       return info;
     }
     case Settings::Source::kCamera:

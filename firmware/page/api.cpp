@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "firmware/page/json_body.h"
 #include "firmware/page/picture.h"
 #include "firmware/page/register_text.h"
 
@@ -14,10 +15,10 @@ namespace {
 using nlohmann::json;
 
 constexpr int kJpegQuality = 80;
-constexpr int kDeepest = 8;
+constexpr double kBoardSquare_mm = 18;  // ten of them fit on a sheet of A4
 constexpr std::string_view kRecordingPath = "/api/recordings/";
 
-Answer json_answer(const json& value) { return {.body = value.dump()}; }
+Answer json_answer(const json& value) { return {.body = value.dump(-1, ' ', false, json::error_handler_t::replace)}; }
 Answer done_or(const std::optional<Refusal>& refusal) {
   return refusal ? refused(*refusal) : json_answer({{"done", true}});
 }
@@ -32,21 +33,10 @@ std::string text_of(const json& body, const char* name) {
 
 }  // namespace
 
-json json_body(const std::string& body) {
-  const auto too_deep = [](int depth, json::parse_event_t, json&) {
-    if (depth > kDeepest) throw std::length_error("too deep");
-    return true;
-  };
-  try {
-    return json::parse(body, too_deep, false);
-  } catch (const std::length_error&) {
-    return json(json::value_t::discarded);
-  }
-}
-
-Api::Api(const Settings& settings, Device& device, std::span<const Asset> assets)
+Api::Api(const Settings& settings, Device& device, Setup& setup, std::span<const Asset> assets)
     : settings_(settings),
       device_(device),
+      setup_(setup),
       sessions_(settings.write_key, *settings.page),
       assets_(assets),
       recordings_(settings.recordings),
@@ -79,6 +69,17 @@ Answer Api::get(const Request& request) {
     std::string about = device_.about();
     if (about.empty()) return refused({503, "finsightd publishes nothing: it is not running, or is in safe mode."});
     return {.body = std::move(about)};
+  }
+  if (path == "/api/lens") return json_answer(setup_.lens());
+  if (path == "/api/mount") return json_answer(setup_.mount());
+  if (path == "/api/lens/board.svg") {
+    return {.type = "image/svg+xml", .body = board_svg(CharucoBoard{}, kBoardSquare_mm), .file_name = "board.svg"};
+  }
+  if (path == "/api/lens/file" || path == "/api/mount/file") {
+    const bool is_lens = path == "/api/lens/file";
+    std::string file = is_lens ? setup_.lens_toml() : setup_.mount_toml();
+    if (file.empty()) return refused({404, "There is no result yet."});
+    return {.type = "application/toml", .body = std::move(file), .file_name = is_lens ? "lens.toml" : "mount.toml"};
   }
   if (path == "/api/export") return export_all();
   if (path == "/api/diagnostics") return diagnostics();
@@ -203,7 +204,29 @@ Answer Api::change(const Request& request, const json& body) {
     }
     return done_or(device_.change_settings(body["settings"]));
   }
+  if (path.starts_with("/api/lens/") || path.starts_with("/api/mount/")) return set_up(path, body);
   if (path == "/api/recordings/delete") return done_or(recordings_.remove(text_of(body, "name")));
+  return not_found();
+}
+
+Answer Api::set_up(const std::string& path, const json& body) {
+  const auto restarted = [&](const std::optional<Refusal>& refusal) {
+    if (refusal) return refused(*refusal);
+    std::uint16_t sequence = 0;
+    return done_or(device_.order("reset", sequence));
+  };
+  if (path == "/api/lens/capture") return done_or(setup_.capture(body.value("only_still", json()) == true));
+  if (path == "/api/lens/remove") {
+    const auto id = body.find("id");
+    if (id == body.end() || !id->is_number_integer()) return refused({400, "Expected {\"id\": a picture's number}."});
+    return done_or(setup_.remove(id->get<int>()));
+  }
+  if (path == "/api/lens/clear") return done_or(setup_.clear());
+  if (path == "/api/lens/use") return restarted(setup_.use(Setup::Part::kLens));
+  if (path == "/api/lens/restore") return restarted(setup_.restore(Setup::Part::kLens));
+  if (path == "/api/mount/measure") return done_or(setup_.measure_mount());
+  if (path == "/api/mount/use") return restarted(setup_.use(Setup::Part::kMount));
+  if (path == "/api/mount/restore") return restarted(setup_.restore(Setup::Part::kMount));
   return not_found();
 }
 

@@ -10,6 +10,7 @@
 #include "firmware/page/http_server.h"
 #include "firmware/page/recordings.h"
 #include "firmware/page/request_guard.h"
+#include "firmware/page/setup.h"
 
 namespace finsight::page {
 
@@ -22,13 +23,14 @@ std::span<const Asset> assets();  ///< made by embed.py
 
 class Api {
  public:
-  Api(const Settings& settings, Device& device, std::span<const Asset> assets);
+  Api(const Settings& settings, Device& device, Setup& setup, std::span<const Asset> assets);
   /// Any request whatever; never throws.
   Answer handle(const Request& request);
 
  private:
   Answer get(const Request& request);
   Answer post(const Request& request);
+  Answer set_up(const std::string& path, const nlohmann::json& body);
   Answer change(const Request& request, const nlohmann::json& body);
   Answer unlock(const Request& request, const nlohmann::json& body);
   Answer picture();
@@ -38,6 +40,7 @@ class Api {
 
   const Settings& settings_;
   Device& device_;
+  Setup& setup_;
   Sessions sessions_;
   const std::span<const Asset> assets_;
   const Recordings recordings_;
@@ -46,8 +49,5 @@ class Api {
   std::uint64_t jpeg_number_ = 0;
   Answer jpeg_;
 };
-
-/// The JSON of a request's body; discarded (is_discarded()) if it is none or is nested too deeply.
-nlohmann::json json_body(const std::string& body);
 
 }  // namespace finsight::page

@@ -7,6 +7,7 @@
 
 #include "firmware/modbus/registers.h"
 #include "firmware/page/register_text.h"
+#include "firmware/page/settings_change.h"
 
 namespace finsight::page {
 
@@ -65,39 +66,6 @@ json frame_json(const PublishedFrame& frame, std::int64_t now_ns) {
     event["times"][kPublishedStages[s]] = {rounded(times.p50_us), rounded(times.p99_us), rounded(times.worst_us)};
   }
   return event;
-}
-
-const RegisterRow* setting_named_at_run_time(const std::string& name) {
-  for (int i = 0; i < kSettingCount; ++i) {
-    if (setting_row(i).name == name) return &setting_row(i);
-  }
-  return nullptr;
-}
-
-/// The raw word for a value in the row's unit, or the name of a code. Nothing: not such a value.
-std::optional<std::uint16_t> raw_setting(const RegisterRow& row, const json& value) {
-  double raw = 0;
-  if (value.is_string() && !row.values.empty()) {
-    const auto found = std::ranges::find(row.values, value.get<std::string>(), &NamedValue::name);
-    if (found == row.values.end()) return std::nullopt;
-    raw = found->value;
-  } else if (value.is_number()) {
-    raw = std::round(value.get<double>() / row.scale);
-  } else {
-    return std::nullopt;
-  }
-  if (!(raw >= row.lowest && raw <= row.highest)) return std::nullopt;
-  return static_cast<std::uint16_t>(raw);
-}
-
-std::string range_of(const RegisterRow& row) {
-  if (!row.values.empty()) {
-    std::string names;
-    for (const NamedValue& value : row.values) names += (names.empty() ? "" : ", ") + std::string(value.name);
-    return "one of " + names;
-  }
-  const auto number = [&](int raw) { return json(std::round(raw * row.scale * 1e6) / 1e6).dump(); };
-  return number(row.lowest) + " to " + number(row.highest) + (*row.unit ? std::string(" ") + row.unit : "");
 }
 
 }  // namespace
@@ -273,30 +241,15 @@ std::optional<Refusal> Device::order(const std::string& command, std::uint16_t& 
 }
 
 std::optional<Refusal> Device::change_settings(const json& wanted) {
-  if (!wanted.is_object() || wanted.empty()) return Refusal{400, "Expected {\"setting\": value, ...}."};
   const std::lock_guard guard(modbus_mutex_);
   const Words& words = registers(0);
   if (!words.error.empty()) return Refusal{503, words.error};
-  // Each block is written as a whole, so that a pair of thresholds may cross its old place.
-  std::vector<std::uint16_t> control(words.control.begin() + (kFirstSettingRegister - kControlAddress),
-                                     words.control.end());
-  constexpr int kWritableProcess = address_of("grip_change") - kProcessAddress + 1;
-  std::vector<std::uint16_t> process(words.process.begin(), words.process.begin() + kWritableProcess);
-  bool changes_control = false, changes_process = false;
-  for (const auto& [name, value] : wanted.items()) {
-    const RegisterRow* row = setting_named_at_run_time(name);
-    if (!row || !row->writable) return Refusal{400, "There is no setting \"" + name + "\"."};
-    const auto raw = raw_setting(*row, value);
-    if (!raw) return Refusal{400, name + ": found " + value.dump() + ", expected " + range_of(*row) + "."};
-    const bool is_process = row->address >= kProcessAddress;
-    (is_process ? process[static_cast<std::size_t>(row->address - kProcessAddress)]
-                : control[static_cast<std::size_t>(row->address - kFirstSettingRegister)]) = *raw;
-    (is_process ? changes_process : changes_control) = true;
+  SettingsWords settings(words.control, words.process);
+  if (auto refusal = apply_settings(wanted, settings)) return refusal;
+  if (settings.changes_control) {
+    if (auto refusal = write_unlocked(kFirstSettingRegister, settings.control)) return refusal;
   }
-  if (changes_control) {
-    if (auto refusal = write_unlocked(kFirstSettingRegister, control)) return refusal;
-  }
-  return changes_process ? write_unlocked(kProcessAddress, process) : std::nullopt;
+  return settings.changes_process ? write_unlocked(kProcessAddress, settings.process) : std::nullopt;
 }
 
 }  // namespace finsight::page

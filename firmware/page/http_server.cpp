@@ -63,7 +63,9 @@ void add_fields(MHD_Response* response, const Answer& answer) {
 }  // namespace
 
 Answer refused(const Refusal& refusal) {
-  return {.status = refusal.status, .body = nlohmann::json{{"error", refusal.reason}}.dump()};
+  return {
+      .status = refusal.status,
+      .body = nlohmann::json{{"error", refusal.reason}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)};
 }
 
 struct HttpServer::Impl {

@@ -13,6 +13,7 @@
 #include "firmware/page/api.h"
 #include "firmware/page/device.h"
 #include "firmware/page/http_server.h"
+#include "firmware/page/setup.h"
 #include "firmware/settings/settings.h"
 
 namespace {
@@ -69,7 +70,8 @@ Settings settings_of(const Arguments& arguments) {
 
 void serve(const Settings& settings) {
   page::Device device(settings);
-  page::Api api(settings, device, page::assets());
+  page::Setup setup(settings, device);
+  page::Api api(settings, device, setup, page::assets());
   page::HttpServer server(*settings.page, [&](const page::Request& request) { return api.handle(request); });
   log_line("http://" + settings.page->address + ":" + std::to_string(settings.page->port) + "/");
   std::int64_t registers_ns = 0, closed_ns = 0;

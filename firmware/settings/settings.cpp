@@ -212,8 +212,26 @@ PageSettings read_page(TomlTable table) {
   page.allow_writes = read_networks(table, "allow_writes", "page");
   if (table.has("names")) page.names = table.texts("names");
   if (table.has("folder")) page.folder = table.path("folder");
+  if (table.has("measured")) page.measured = table.path("measured");
   table.finish();
   return page;
+}
+
+/// What was measured on the page, where there is such a file.
+void use_measured(const std::filesystem::path& folder, Settings& settings) {
+  if (const auto mount = folder / kMeasuredMount; std::filesystem::exists(mount)) {
+    settings.mount = read_measured_mount(TomlTable::parse_file(mount));
+    settings.measured_files.push_back(mount);
+  }
+  const auto lens = folder / kMeasuredLens;
+  if (!std::filesystem::exists(lens)) return;
+  settings.measured_lens = lens;
+  settings.measured_files.push_back(lens);
+  const LiveCameraSettings& live = settings.camera;
+  if (settings.source == Settings::Source::kCamera) {
+    settings.lens = read_lens(TomlTable::parse_file(lens), live.width_px, live.height_px);
+    check_lens(settings.lens);
+  }
 }
 
 void read_realtime(TomlTable table, RealtimeSettings& realtime) {
@@ -324,6 +342,7 @@ Settings read_settings(const SettingsFiles& files) {
   if (root.has("device")) read_device(root.table("device"), settings);
   if (root.has("mount")) settings.mount = read_measured_mount(table_or_measured_file(root, "mount", settings));
   root.finish();
+  if (settings.page && !settings.page->measured.empty()) use_measured(settings.page->measured, settings);
   return settings;
 }
 

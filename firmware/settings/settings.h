@@ -35,7 +35,10 @@ struct PageSettings {
   std::vector<Network> allow_writes = {};               ///< who of them may write with the key; empty: all
   std::vector<std::string> names = {};                  ///< that browsers may call the device by, besides its addresses
   std::filesystem::path folder = "/run/finsight-page";  ///< of the published block
+  std::filesystem::path measured = {};                  ///< where the page stores lens and mount; empty: nowhere
 };
+/// In PageSettings::measured. They replace those of the board file or session.
+inline constexpr const char *kMeasuredLens = "lens.toml", *kMeasuredMount = "mount.toml";
 
 struct Settings {
   std::filesystem::path pack;
@@ -44,8 +47,9 @@ struct Settings {
   LiveCameraSettings camera;  ///< of a camera
   Lens lens;                  ///< of a camera; a session brings its own
   std::optional<GpioSettings> gpio;
-  std::optional<MeasuredMount> mount;  ///< of this device; the model's if it was not measured
-  LoopSettings loop;                   ///< its runtime settings are the factory settings
+  std::filesystem::path measured_lens;  ///< to be used instead of the source's lens; empty: none
+  std::optional<MeasuredMount> mount;   ///< of this device; the model's if it was not measured
+  LoopSettings loop;                    ///< its runtime settings are the factory settings
   ModbusSettings modbus;
   std::uint16_t write_key = kDefaultWriteKey;
   std::filesystem::path saved_state;  ///< what clients save; empty: nothing can be saved

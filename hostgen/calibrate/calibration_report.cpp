@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include "firmware/ports/session.h"
 #include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
@@ -16,12 +15,6 @@ std::string text(const char* format, Values... values) {
   char buffer[256];
   std::snprintf(buffer, sizeof buffer, format, values...);
   return buffer;
-}
-
-/// To thousandths of a pixel, and as fine for the coefficients.
-double rounded(double value, std::size_t number) {
-  const double per_unit = number < 4 ? 1e3 : 1e6;
-  return std::round(value * per_unit) / per_unit;
 }
 
 }  // namespace
@@ -69,23 +62,6 @@ std::string calibration_text(const LensCalibration& calibration, const Coverage&
   out += "to do better:\n";
   for (const std::string& line : lines) out += "  " + line + "\n";
   return out;
-}
-
-std::string lens_file(const LensCalibration& calibration, const std::string& source) {
-  LensNumbers numbers = lens_numbers(calibration.lens);
-  for (std::size_t i = 0; i < kLensNumbers; ++i) numbers[i] = rounded(numbers[i], i);
-  const Lens lens = make_lens(calibration.lens.width_px, calibration.lens.height_px, numbers);
-  const LensNumbers& s = calibration.sigma;
-  std::string printable = source;  // a comment ends with its line
-  std::replace_if(
-      printable.begin(), printable.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
-  std::string toml = "# The lens, made by hostgen calibrate from " + printable + "\n";
-  toml += text("# %zu views, %zu corners, %.3f pixels from the model (RMS). Standard deviations:\n", calibration.views,
-               calibration.corners, calibration.rms_px);
-  toml += text("# fx %.3f, fy %.3f, cx %.3f, cy %.3f pixels; k1 %.5f, k2 %.5f, p1 %.5f, p2 %.5f, k3 %.5f\n", s[0], s[1],
-               s[2], s[3], s[4], s[5], s[6], s[7], s[8]);
-  toml += "# In a board file: lens = \"this file\" under [source], or these lines under [source.lens].\n";
-  return toml + text("width_px = %d\nheight_px = %d\n", lens.width_px, lens.height_px) + lens_toml(lens);
 }
 
 void plot_calibration(const LensCalibration& calibration, const std::vector<BoardView>& views,

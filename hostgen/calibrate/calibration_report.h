@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "hostgen/calibrate/lens_calibration.h"
+#include "firmware/calibrate/lens_calibration.h"
 
 namespace finsight::host {
 
@@ -13,10 +13,6 @@ std::string view_table(const std::vector<BoardView>& views);
 
 /// The numbers with their standard deviations, the coverage, and the advice.
 std::string calibration_text(const LensCalibration& calibration, const Coverage& coverage);
-
-/// What a board file's key `lens` names (firmware/ports/session.h, read_lens()), with comments. `source`: of the
-/// images.
-std::string lens_file(const LensCalibration& calibration, const std::string& source);
 
 /// All corners in the image and how far they are from the model, `kPlotScale` times as long. Throws
 /// std::runtime_error without gnuplot.

@@ -7,15 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "firmware/vision/image_view.h"
+#include "firmware/calibrate/grey_image.h"
 
 namespace finsight::host {
-
-struct GreyImage {
-  int width_px = 0, height_px = 0;
-  std::vector<std::uint8_t> grey;  ///< [height, width]
-  ImageView view() const { return {grey.data(), width_px, height_px, width_px}; }
-};
 
 /// Sides up to kLargestSide_px; colours become grey. Throws InputError with what is wrong: not a PNG file or one that
 /// is truncated, not a binary PGM file (P5) of 8 bits.

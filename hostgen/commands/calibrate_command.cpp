@@ -4,6 +4,8 @@
 #include <memory>
 
 #include "firmware/input_error.h"
+#include "hostgen/calibrate/board_png.h"
+#include "hostgen/calibrate/board_views.h"
 #include "hostgen/calibrate/calibration_report.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/util/common.h"
@@ -53,7 +55,9 @@ void calibrate(const Options& options, const CharucoBoard& board) {
   reject_bad_views(board, views);
   LensCalibration calibration;
   try {
-    calibration = calibrate_lens(board, views, options.folder.string());
+    calibration = calibrate_lens(board, views, options.folder.string(), [] {
+      if (interrupted()) throw Interrupted();
+    });
   } catch (const InputError&) {
     std::printf("%s", view_table(views).c_str());
     throw;

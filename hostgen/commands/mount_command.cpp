@@ -4,7 +4,7 @@
 #include <memory>
 
 #include "firmware/settings/settings.h"
-#include "hostgen/calibrate/mount_estimate.h"
+#include "hostgen/calibrate/resting_corners.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/finger/mount.h"
 #include "hostgen/util/common.h"

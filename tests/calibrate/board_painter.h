@@ -7,8 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "firmware/calibrate/board_view.h"
 #include "firmware/geometry/lens.h"
-#include "hostgen/calibrate/board_views.h"
 #include "tests/random.h"
 
 namespace finsight::test {
@@ -19,7 +19,7 @@ inline Lens calibrated_camera() {
 
 class BoardPainter {
  public:
-  explicit BoardPainter(const Lens& camera, const host::CharucoBoard& board = {})
+  explicit BoardPainter(const Lens& camera, const CharucoBoard& board = {})
       : camera_(camera), modules_(board.modules()) {
     for (int y = 0; y <= camera.height_px; ++y) {
       for (int x = 0; x <= camera.width_px; ++x) rays_.push_back(ray_from_pixel(camera, {x - 0.5, y - 0.5}));
@@ -27,8 +27,8 @@ class BoardPainter {
   }
 
   /// T_camera_board in squares.
-  host::GreyImage paint(const Eigen::Isometry3d& T_camera_board, std::uint64_t seed, double blur_px = 0.7,
-                        double noise = 1.5) const {
+  GreyImage paint(const Eigen::Isometry3d& T_camera_board, std::uint64_t seed, double blur_px = 0.7,
+                  double noise = 1.5) const {
     Eigen::Matrix3d ray_from_board = T_camera_board.linear();  // the board has no third coordinate
     ray_from_board.col(2) = T_camera_board.translation();
     const Eigen::Matrix3d board_from_ray = ray_from_board.inverse();
@@ -70,10 +70,10 @@ class BoardPainter {
     return sum / kSamples;
   }
 
-  host::GreyImage develop(std::vector<double> grey, std::uint64_t seed, double blur_px, double noise) const {
+  GreyImage develop(std::vector<double> grey, std::uint64_t seed, double blur_px, double noise) const {
     blur(grey, blur_px, true);
     blur(grey, blur_px, false);
-    host::GreyImage image{camera_.width_px, camera_.height_px, {}};
+    GreyImage image{camera_.width_px, camera_.height_px, {}};
     Random random(seed);
     for (const double value : grey) {
       // Nearly normal, and quick: the sum of three even ones.
@@ -104,7 +104,7 @@ class BoardPainter {
   }
 
   Lens camera_;
-  host::GreyImage modules_;
+  GreyImage modules_;
   std::vector<Eigen::Vector2d> rays_;
 };
 

@@ -6,6 +6,7 @@
 
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
+#include "hostgen/calibrate/grey_image.h"
 #include "tests/calibrate/board_painter.h"
 #include "tests/model/scratch_folder.h"
 

@@ -1,4 +1,4 @@
-#include "hostgen/calibrate/charuco_board.h"
+#include "firmware/calibrate/charuco_board.h"
 
 #include <doctest/doctest.h>
 
@@ -10,6 +10,8 @@
 #endif
 
 #include "firmware/input_error.h"
+#include "hostgen/calibrate/board_png.h"
+#include "hostgen/calibrate/grey_image.h"
 #include "tests/calibrate/board_painter.h"
 #include "tests/model/scratch_folder.h"
 

@@ -1,4 +1,4 @@
-#include "hostgen/calibrate/lens_calibration.h"
+#include "firmware/calibrate/lens_calibration.h"
 
 #include <doctest/doctest.h>
 

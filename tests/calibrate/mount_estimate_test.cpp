@@ -1,4 +1,4 @@
-#include "hostgen/calibrate/mount_estimate.h"
+#include "hostgen/calibrate/resting_corners.h"
 
 #include <doctest/doctest.h>
 

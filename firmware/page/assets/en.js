@@ -149,9 +149,9 @@ export const text = {
       text: "Print the board (10 × 7 squares), fix it to something flat, show it to the camera in ten or more positions that together cover the picture, tilted in all directions.",
       board: "Board to print (SVG)", capture: "Take a picture", auto: "Take one when the board is still", covered: "Coverage of the picture", tilt: "Tilts",
       tilts: ["left", "right", "top", "bottom"], views: "Pictures", none_yet: "No picture yet.", corners: (n) => `${n} corners`, error: (v) => `${v} px`,
-      remove: "Remove", compute: "Compute the lens", computing: "Computing …", result: "Result", rms: (v) => `corners fit to ${v} px RMS`, use: "Use this lens",
+      remove: "Remove", result: "Result", rms: (v) => `corners fit to ${v} px RMS`, use: "Use this lens",
       used: "The lens is stored. The program restarts with it.", restore: "Bring back the former lens", restored: "The former lens is back.",
-      download: "Download lens.toml", need: (n) => `${n} more needed`, clear: "Start over", sigma: "standard deviation", advice: "Still missing",
+      download: "Download lens.toml", need: (n) => `${n} more ${n === 1 ? "picture" : "pictures"} needed`, clear: "Start over",
       cannot_store: "Nothing can be stored here: the board file has no page.measured. Download the file and name it in the board file (source.lens).",
     },
     mount: {

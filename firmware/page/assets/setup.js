@@ -4,6 +4,8 @@ import {text} from "./text.js";
 import {card, h, icon, setText} from "./dom.js";
 import {CameraView} from "./camera.js";
 import {WhyList, softEdge} from "./why.js";
+import {lensStep} from "./setup_lens.js";
+import {mountStep} from "./setup_mount.js";
 
 /** A list of things that hold or do not. */
 export function checks(count) {
@@ -93,7 +95,7 @@ function checkStep() {
           }};
 }
 
-const steps = {network: networkStep, camera: cameraStep, zero: zeroStep, check: checkStep};
+const steps = {network: networkStep, camera: cameraStep, lens: lensStep, mount: mountStep, zero: zeroStep, check: checkStep};
 
 export function setupPage() {
   const names = Object.keys(steps), t = text.setup, body = h("div"), done = new Set();

@@ -1,21 +1,18 @@
-#include "hostgen/calibrate/mount_estimate.h"
+#include "firmware/calibrate/mount_estimate.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
 
+#include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
-#include "firmware/ports/camera.h"
-#include "firmware/settings/settings.h"
 #include "firmware/vision/ippe.h"
-#include "firmware/vision/marker_stage.h"
 #include "firmware/vision/plate_estimator.h"
-#include "hostgen/finger/plate_motion.h"
-#include "hostgen/util/common.h"
 
-namespace finsight::host {
+namespace finsight {
 
 namespace {
 
@@ -34,7 +31,10 @@ using Numbers = Eigen::Matrix<double, kNumbers, 1>;  // per place: shift, rotati
 using Residuals = Eigen::Matrix<double, kCoordinates + kNumbers, 1>;
 
 Isometry3d moved(const Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& by) {
-  return host::moved(pose, by.head<3>(), by.tail<3>());
+  Isometry3d now = pose;
+  now.translation() += by.head<3>();
+  now.linear() = so3_exp(Eigen::Vector3d(by.tail<3>())) * pose.linear();
+  return now;
 }
 
 Numbers mounted_to() {
@@ -66,59 +66,42 @@ Residuals residuals(const MountModel& nominal, const RestingCorners& seen, const
   return r;
 }
 
-/// Mean and scatter of one corner over a session.
-struct CornerSum {
-  Vector2d sum = Vector2d::Zero(), first = Vector2d::Zero();
-  double squares = 0;
-  void add(const Vector2d& at, bool is_first) {
-    if (is_first) first = at;
-    sum += at - first;
-    squares += (at - first).squaredNorm();
-  }
-  Vector2d mean(int frames) const { return first + sum / frames; }
-  double scatter_px(int frames) const {
-    return std::sqrt(std::max(0.0, squares / frames - (sum / frames).squaredNorm()));
-  }
-};
-
 }  // namespace
 
-RestingCorners resting_corners(const std::filesystem::path& session, const MountModel& mount) {
-  const SessionInfo info = read_session_info(session);
-  check_markers(info, session, mount.marker_id, static_cast<double>(mount.marker_size_mm), "the finger spec");
-  MarkerStage markers(mount, info.lens);
-  const auto camera = open_session_camera({.path = session, .recording = "", .recorded_speed = false}, info);
-  std::array<std::array<CornerSum, 4>, kPlates> sums;
-  std::array<int, kPlates> seen{};
-  RestingCorners rest;
-  rest.lens = info.lens;
-  Frame frame;
-  while (camera->next(frame, 0)) {
-    if (interrupted()) throw Interrupted();
-    const MarkerCorners& corners = markers.find(frame);
-    for (std::size_t p = 0; p < kPlates; ++p) seen[p] += corners.seen[p];
-    if (!corners.seen[0] || !corners.seen[1] || !corners.seen[2]) continue;
-    for (std::size_t p = 0; p < kPlates; ++p) {
-      for (std::size_t k = 0; k < 4; ++k) sums[p][k].add(corners.corners_px[p][k].cast<double>(), rest.frames == 0);
-    }
-    ++rest.frames;
-  }
-  if (!camera->error().empty()) throw InputError(session.string(), camera->error());
-  if (rest.frames < kMinFrames) {
-    throw InputError(session.string(), "frames that show all three markers",
-                     std::to_string(rest.frames) + " (top " + std::to_string(seen[kTopPlate]) + ", middle " +
-                         std::to_string(seen[kMiddlePlate]) + ", low " + std::to_string(seen[kLowPlate]) + ")",
-                     std::to_string(kMinFrames) + " or more");
-  }
+void RestingCornersSum::add(const MarkerCorners& corners) {
+  for (std::size_t p = 0; p < kPlates; ++p) seen_[p] += corners.seen[p];
+  if (!corners.seen[0] || !corners.seen[1] || !corners.seen[2]) return;
   for (std::size_t p = 0; p < kPlates; ++p) {
     for (std::size_t k = 0; k < 4; ++k) {
-      const double scatter_px = sums[p][k].scatter_px(rest.frames);
+      Corner& corner = corners_[p][k];
+      const Vector2d at = corners.corners_px[p][k].cast<double>();
+      if (frames_ == 0) corner.first = at;
+      corner.sum += at - corner.first;
+      corner.squares += (at - corner.first).squaredNorm();
+    }
+  }
+  ++frames_;
+}
+
+RestingCorners RestingCornersSum::mean(const Lens& lens, const std::string& name) const {
+  if (frames_ < kMinFrames) {
+    throw InputError(name, "frames that show all three markers",
+                     std::to_string(frames_) + " (top " + std::to_string(seen_[kTopPlate]) + ", middle " +
+                         std::to_string(seen_[kMiddlePlate]) + ", low " + std::to_string(seen_[kLowPlate]) + ")",
+                     std::to_string(kMinFrames) + " or more");
+  }
+  RestingCorners rest{.lens = lens, .corner_px = {}, .frames = frames_};
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      const Corner& corner = corners_[p][k];
+      const Vector2d mean = corner.sum / frames_;
+      const double scatter_px = std::sqrt(std::max(0.0, corner.squares / frames_ - mean.squaredNorm()));
       if (scatter_px > kStillPx) {
-        throw InputError(session.string(), std::string(kPlateNames[p]) + " plate",
+        throw InputError(name, std::string(kPlateNames[p]) + " plate",
                          "a marker that moves by " + std::to_string(scatter_px) + " pixels",
                          "a finger at rest: nothing touches it and nothing moves");
       }
-      rest.corner_px[p][k] = sums[p][k].mean(rest.frames);
+      rest.corner_px[p][k] = corner.first + mean;
     }
   }
   return rest;
@@ -200,4 +183,4 @@ std::string mount_text(const MountEstimate& estimate) {
   return text + line + mounting_warnings(estimate);
 }
 
-}  // namespace finsight::host
+}  // namespace finsight

@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "firmware/calibrate/grey_image.h"
 #include "firmware/types.h"
 #include "firmware/vision/marker_detector.h"
-#include "hostgen/calibrate/grey_image.h"
 
-namespace finsight::host {
+namespace finsight {
 
 /// A chessboard whose white squares hold the markers 0, 1, ... of DICT_4X4_50, row by row, three quarters of the square
 /// wide. The number of rows is odd: for even ones OpenCV changed the pattern after version 4.6.
@@ -33,8 +33,6 @@ struct CharucoBoard {
 
 /// The board for a printer, with squares of exactly this size on paper.
 std::string board_svg(const CharucoBoard& board, double square_mm);
-/// About 600 dots per inch, a whole number of them per module.
-std::string board_png(const CharucoBoard& board, double square_mm);
 
 /// What is seen of a board in one image.
 struct BoardSight {
@@ -64,4 +62,4 @@ class BoardFinder {
                             .squares = 4096}};  // a board is full of squares, and time does not matter here
 };
 
-}  // namespace finsight::host
+}  // namespace finsight

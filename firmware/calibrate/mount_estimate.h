@@ -2,24 +2,38 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <filesystem>
+#include <array>
 #include <string>
 
 #include "firmware/geometry/lens.h"
 #include "firmware/settings/measured_mount.h"
 
-namespace finsight::host {
+namespace finsight {
 
 /// Mean corners of the three markers over a session, [plate][corner], pixels.
 struct RestingCorners {
-  Lens lens;  ///< the session's
+  Lens lens;  ///< of the pictures
   std::array<std::array<Eigen::Vector2d, 4>, kPlates> corner_px;
   int frames = 0;
 };
 
-/// Throws InputError for a session of other markers than `mount` has, in which fewer than ten frames show all three, or
-/// in which one moves.
-RestingCorners resting_corners(const std::filesystem::path& session, const MountModel& mount);
+/// Adds up the corners of pictures in which all three markers are seen.
+class RestingCornersSum {
+ public:
+  void add(const MarkerCorners& corners);
+  int frames() const { return frames_; }
+  /// Throws InputError (`name` stands for the pictures) if fewer than ten show all three markers, or if one moves.
+  RestingCorners mean(const Lens& lens, const std::string& name) const;
+
+ private:
+  struct Corner {
+    Eigen::Vector2d sum = Eigen::Vector2d::Zero(), first = Eigen::Vector2d::Zero();
+    double squares = 0;
+  };
+  std::array<std::array<Corner, 4>, kPlates> corners_;
+  std::array<int, kPlates> seen_{};
+  int frames_ = 0;
+};
 
 struct MountEstimate {
   MeasuredMount mount;
@@ -39,4 +53,4 @@ MountEstimate estimate_mount(const MountModel& nominal, const RestingCorners& se
 /// mounted.
 std::string mount_text(const MountEstimate& estimate);
 
-}  // namespace finsight::host
+}  // namespace finsight

@@ -2,13 +2,14 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "firmware/calibrate/board_view.h"
 #include "firmware/geometry/lens.h"
-#include "hostgen/calibrate/board_views.h"
 
-namespace finsight::host {
+namespace finsight {
 
 struct LensCalibration {
   Lens lens;
@@ -23,7 +24,14 @@ inline constexpr std::size_t kMinViews = 6;
 /// from the views that are not rejected. Outlying corners and views are left out.
 /// Fills in the views' poses and residuals. Throws InputError (`name` stands for the file) if fewer than kMinViews
 /// are left or they do not determine a lens.
-LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name);
+/// `between` is called between the steps, each of which may take seconds, and may throw to end them.
+LensCalibration calibrate_lens(
+    const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name,
+    const std::function<void()>& between = [] {});
+
+/// What a board file's key `lens` names (firmware/ports/session.h, read_lens()), with comments. `source`: of the
+/// images.
+std::string lens_file(const LensCalibration& calibration, const std::string& source);
 
 /// How well the views cover the image and the tilts.
 struct Coverage {
@@ -37,4 +45,4 @@ Coverage coverage_of(const LensCalibration& calibration, std::vector<BoardView>&
 /// Which further views to record, in words; empty if nothing is missing.
 std::vector<std::string> advice(const Coverage& coverage);
 
-}  // namespace finsight::host
+}  // namespace finsight

@@ -1,15 +1,16 @@
-#include "hostgen/calibrate/lens_calibration.h"
+#include "firmware/calibrate/lens_calibration.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <opencv2/calib3d.hpp>
 
+#include "firmware/calibrate/median.h"
 #include "firmware/input_error.h"
-#include "hostgen/util/common.h"
-#include "hostgen/util/statistics.h"
+#include "firmware/ports/session.h"
 
-namespace finsight::host {
+namespace finsight {
 
 namespace {
 
@@ -92,7 +93,7 @@ bool drop_outlier_corners(const std::vector<BoardView*>& views) {
   for (const BoardView* view : views) {
     for (const Vec2f& off : view->residual_px) distances.push_back(static_cast<double>(off.norm()));
   }
-  const auto limit_px = static_cast<float>(std::max(kOutlierPx, kCornerTimes * quantile(distances, 0.5)));
+  const auto limit_px = static_cast<float>(std::max(kOutlierPx, kCornerTimes * median(distances)));
   bool any = false;
   for (BoardView* view : views) {
     BoardSight kept = view->sight;
@@ -115,7 +116,7 @@ bool drop_outlier_corners(const std::vector<BoardView*>& views) {
 bool reject_worst(const std::vector<BoardView*>& views) {
   std::vector<double> errors;
   for (const BoardView* view : views) errors.push_back(view->rms_px);
-  const double limit_px = std::max(kOutlierPx, kViewTimes * quantile(errors, 0.5));
+  const double limit_px = std::max(kOutlierPx, kViewTimes * median(errors));
   BoardView& worst =
       **std::max_element(views.begin(), views.end(), [](auto* a, auto* b) { return a->rms_px < b->rms_px; });
   if (!(worst.rms_px > limit_px)) return false;
@@ -167,11 +168,25 @@ constexpr std::array<const char*, 9> kNinths = {"upper left",   "upper middle", 
 constexpr std::array<const char*, 4> kSides = {"left", "right", "upper", "lower"};
 constexpr int kWanted = 2;  // views in every ninth, and of every tilt
 
+template <class... Values>
+std::string text(const char* format, Values... values) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof buffer, format, values...);
+  return buffer;
+}
+
+/// To thousandths of a pixel, and as fine for the coefficients.
+double rounded(double value, std::size_t number) {
+  const double per_unit = number < 4 ? 1e3 : 1e6;
+  return std::round(value * per_unit) / per_unit;
+}
+
 }  // namespace
 
-LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name) {
+LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>& views, const std::string& name,
+                               const std::function<void()>& between) {
   for (;;) {
-    if (interrupted()) throw Interrupted();
+    between();
     const std::vector<BoardView*> used = used_views(views);
     if (used.size() < kMinViews) {
       throw InputError(name, "usable images", std::to_string(used.size()) + " of " + std::to_string(views.size()),
@@ -194,6 +209,23 @@ LensCalibration calibrate_lens(const CharucoBoard& board, std::vector<BoardView>
     }
     return calibration;
   }
+}
+
+std::string lens_file(const LensCalibration& calibration, const std::string& source) {
+  LensNumbers numbers = lens_numbers(calibration.lens);
+  for (std::size_t i = 0; i < kLensNumbers; ++i) numbers[i] = rounded(numbers[i], i);
+  const Lens lens = make_lens(calibration.lens.width_px, calibration.lens.height_px, numbers);
+  const LensNumbers& s = calibration.sigma;
+  std::string printable = source;  // a comment ends with its line
+  std::replace_if(
+      printable.begin(), printable.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
+  std::string toml = "# The lens, calibrated from " + printable + "\n";
+  toml += text("# %zu views, %zu corners, %.3f pixels from the model (RMS). Standard deviations:\n", calibration.views,
+               calibration.corners, calibration.rms_px);
+  toml += text("# fx %.3f, fy %.3f, cx %.3f, cy %.3f pixels; k1 %.5f, k2 %.5f, p1 %.5f, p2 %.5f, k3 %.5f\n", s[0], s[1],
+               s[2], s[3], s[4], s[5], s[6], s[7], s[8]);
+  toml += "# In a board file: lens = \"this file\" under [source], or these lines under [source.lens].\n";
+  return toml + text("width_px = %d\nheight_px = %d\n", lens.width_px, lens.height_px) + lens_toml(lens);
 }
 
 Coverage coverage_of(const LensCalibration& calibration, std::vector<BoardView>& views) {
@@ -237,4 +269,4 @@ std::vector<std::string> advice(const Coverage& coverage) {
   return lines;
 }
 
-}  // namespace finsight::host
+}  // namespace finsight

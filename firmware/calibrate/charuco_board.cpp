@@ -1,4 +1,4 @@
-#include "hostgen/calibrate/charuco_board.h"
+#include "firmware/calibrate/charuco_board.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,11 +8,11 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "firmware/calibrate/median.h"
 #include "firmware/input_error.h"
 #include "firmware/vision/aruco_compat.h"
-#include "hostgen/util/statistics.h"
 
-namespace finsight::host {
+namespace finsight {
 
 namespace {
 
@@ -139,8 +139,8 @@ void measure_edges(const ImageView& image, const CharucoBoard& board, BoardSight
       if (const auto width_px = edge_width_px(image, corner, other->second)) widths.push_back(*width_px);
       sides.push_back(static_cast<double>((other->second - corner).norm()));
     }
-    square_px += quantile(sides, 0.5) / 2;
-    return quantile(widths, 0.5);
+    square_px += median(sides) / 2;
+    return median(widths);
   };
   const double level_px = median_px(1, sight.square_px);
   sight.edge_px = std::max(level_px, median_px(board.corners_per_row(), sight.square_px));
@@ -202,17 +202,6 @@ std::string board_svg(const CharucoBoard& board, double square_mm) {
   return svg + "\"/>\n</svg>\n";
 }
 
-std::string board_png(const CharucoBoard& board, double square_mm) {
-  constexpr double kDotsPerMm = 600 / 25.4;
-  const GreyImage modules = board.modules();
-  const int scale = std::max(1, static_cast<int>(std::lround(kDotsPerMm * square_mm / kSquare)));
-  GreyImage large{modules.width_px * scale, modules.height_px * scale, {}};
-  for (int y = 0; y < large.height_px; ++y) {
-    for (int x = 0; x < large.width_px; ++x) large.grey.push_back(*modules.view().at(x / scale, y / scale));
-  }
-  return png_bytes(large, static_cast<std::uint32_t>(std::lround(1000 * scale * kSquare / square_mm)));
-}
-
 BoardFinder::BoardFinder(const CharucoBoard& board) : board_(board) { board_.check(); }
 
 BoardSight BoardFinder::find(const ImageView& image) {
@@ -240,4 +229,4 @@ BoardSight BoardFinder::find(const ImageView& image) {
   return sight;
 }
 
-}  // namespace finsight::host
+}  // namespace finsight

@@ -1,0 +1,48 @@
+// The finger at rest -> where camera and markers really are, computed on the device.
+import {device, change, get} from "./device.js";
+import {text} from "./text.js";
+import {card, h, setText, toast} from "./dom.js";
+import {CameraView} from "./camera.js";
+
+export function mountStep() {
+  const t = text.setup.mount, result = h("div");
+  const camera = new CameraView({places: true});
+  let now = {};
+  const measure = h("button", {class: "main", onclick: async () => {
+    measure.disabled = true;
+    setText(measure, t.measuring);
+    await change("/api/mount/measure", {});
+    while (!stopped) {
+      await refresh();
+      if (!now.is_running) break;
+      await new Promise((r) => setTimeout(r, 400));
+    }
+    if (now.error) toast(now.error, "bad");
+    setText(measure, t.measure);
+    measure.disabled = false;
+  }}, t.measure);
+  let stopped = false;
+  const use = async (path, done) => { await change(path, {}, done); refresh(); };
+
+  function show() {
+    if (!now.result) { result.replaceChildren(); return; }
+    const {parts, rms_px: rms, pictures} = now.result;
+    const vector = (v, s) => v.map((x, k) => `${x.toFixed(2)} ± ${s[k].toFixed(2)}`).join(", ");
+    result.replaceChildren(card(t.result, [h("a", {class: "button", href: "/api/mount/file", download: "mount.toml"}, t.download),
+        now.can_store && h("button", {class: "main", onclick: () => use("/api/mount/use", t.used)}, t.use)],
+      h("div", {class: "scroll", tabIndex: 0, role: "region", "aria-label": t.result}, h("table", {}, h("thead", {}, h("tr", {}, [t.part, t.shift, t.turn].map((n) => h("th", {scope: "col"}, n)))),
+        h("tbody", {}, parts.map((p) => h("tr", {}, h("td", {}, t.parts[p.name]), h("td", {class: "number"}, vector(p.shift_mm, p.shift_sigma_mm)),
+          h("td", {class: "number"}, vector(p.turn_deg, p.turn_sigma_deg))))))),
+      h("footer", {}, t.fits(rms.toFixed(2), pictures), now.can_store ? null : h("span", {}, t.cannot_store))));
+  }
+  async function refresh() {
+    try {
+      now = await get("/api/mount");
+      if (!stopped) show();
+    } catch (error) { toast(error.message, "bad"); stopped = true; }
+  }
+  refresh();
+  return {element: h("div", {}, h("div", {class: "two"}, card(t.title, [h("button", {onclick: () => use("/api/mount/restore", t.restored)}, t.restore), measure], camera.element, h("footer", {}, t.text)),
+                                  h("div", {}, result))),
+          leave() { stopped = true; camera.stop(); }};
+}

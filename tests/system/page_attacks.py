@@ -1,0 +1,290 @@
+#!/usr/bin/python3
+"""finsight-page's interface for programs, and what it does against misuse; the measuring program does not notice any of it.
+
+usage: page_attacks.py BINARY_DIR SOURCE_DIR [unittest arguments]
+"""
+import http.client
+import io
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import tarfile
+import time
+import unittest
+from concurrent.futures import ThreadPoolExecutor
+
+from end_to_end import prepare  # and scripts/lib is in the path from here on
+from page_device import KEY, Device
+from register_block import Reader
+
+
+class Interface(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.device = Device().__enter__()
+        cls.addClassCleanup(cls.device.__exit__)
+
+    def test_the_state_is_what_a_modbus_client_reads(self):
+        answer = subprocess.run(["mbpoll", "-m", "tcp", "-t", "3", "-r", "1", "-c", "81", "-1", "-p", str(self.device.port), "127.0.0.1"],
+                                capture_output=True, text=True, timeout=60)
+        words = [int(line.split()[1]) & 0xFFFF for line in answer.stdout.splitlines() if line.startswith("[")]
+        state = self.device.get("/api/state")[1]
+        self.assertEqual(state["test_constant"], 0x1234)
+        self.assertEqual(state["test_constant_long"], 0x12345678)
+        self.assertEqual(state["map_version"], words[38])
+        self.assertEqual(state["model_checksum"], words[36] << 16 | words[37])
+        # The page may have read it half a second before mbpoll did, or any time after.
+        self.assertLess((state["heartbeat"] - words[2] + 600) % 65536, 60 * 60)
+        self.assertIn("ready", state["status"])
+
+    def test_picture_and_shape_come_while_somebody_watches(self):
+        status, headers, _ = self.device.request("GET", "/frame.jpg")
+        if status == 503:
+            self.device.wait(lambda: self.device.request("GET", "/frame.jpg")[0] == 200, "picture")
+        _, headers, jpeg = self.device.request("GET", "/frame.jpg")
+        self.assertEqual(headers["Content-Type"], "image/jpeg")
+        self.assertEqual(jpeg[:3], b"\xff\xd8\xff")
+        about = self.device.get("/api/about")[1]
+        points = len(about["surface"]["rest_mm"]) // 3
+        shape = self.device.wait(lambda: (lambda a: a[2] if a[0] == 200 else None)(self.device.request("GET", "/shape.bin")), "shape")
+        self.assertEqual(len(shape), 6 * points)
+        self.assertLess(max(about["surface"]["triangles"]), points)
+        self.assertEqual([m["id"] for m in about["markers"]], [0, 1, 2])
+
+    def test_events_come_one_after_the_other_each_whole(self):
+        with self.device.raw() as stream:
+            stream.sendall(f"GET /api/events HTTP/1.1\r\nHost: 127.0.0.1:{self.device.page_port}\r\nConnection: close\r\n\r\n".encode())
+            answer = http.client.HTTPResponse(stream)
+            answer.begin()
+            self.assertEqual(answer.headers["Content-Type"], "text/event-stream")
+            numbers, blocks = [], []
+            while len(numbers) < 20 or len(blocks) < 3:
+                line = answer.readline()
+                if line == b"event: frame\n":
+                    numbers.append(json.loads(answer.readline().removeprefix(b"data: "))["n"])
+                elif line == b"event: registers\n":
+                    blocks.append(json.loads(answer.readline().removeprefix(b"data: ")))
+        self.assertEqual(numbers, sorted(set(numbers)))
+        self.assertEqual([len(block["measurements"]) for block in blocks], [81] * len(blocks))
+        self.assertEqual({block["error"] for block in blocks}, {""})
+
+    def test_metrics_are_prometheus_text(self):
+        _, headers, body = self.device.request("GET", "/metrics")
+        self.assertIn("version=0.0.4", headers["Content-Type"])
+        for line in body.decode().splitlines():
+            if not line.startswith("#"):
+                name, value = line.rsplit(" ", 1)
+                self.assertRegex(name, r'^finsight_[a-zA-Z0-9_]+(\{bit="[a-z_]+"\})?$')
+                float(value)
+
+    def test_settings_are_changed_as_a_whole_or_not_at_all(self):
+        token = self.device.unlock()
+        before = self.device.get("/api/export")[1]["settings"]
+        # Both thresholds cross their old place.
+        self.assertEqual(self.device.post("/api/settings", {"contact_on": 0.05, "contact_off": 0.03}, token)[0], 200)
+        status, answer = self.device.post("/api/settings", {"hold_time": 300, "contact_off": 0.5}, token)
+        self.assertEqual(status, 409)
+        self.assertIn("exception 3", answer["error"])
+        for wrong in ({"hold_time": 20000}, {"hold_time": "x"}, {"after_hold": "maybe"}, {"nonsense": 1}, {"hold_time": None}, {}):
+            self.assertEqual(self.device.post("/api/settings", wrong, token)[0], 400, wrong)
+        now = self.device.get("/api/export")[1]["settings"]
+        self.assertEqual((now["contact_on"], now["contact_off"], now["hold_time"]), (0.05, 0.03, before["hold_time"]))
+        export = {"finsight_export": 1, "settings": before}
+        self.assertEqual(self.device.post("/api/import", export, token)[0], 200)
+        self.assertEqual(self.device.get("/api/export")[1]["settings"], before)
+        self.assertEqual(self.device.post("/api/import", {"settings": before}, token)[0], 400)
+
+    def test_a_recording_is_made_downloaded_and_deleted(self):
+        token = self.device.unlock()
+        self.assertEqual(self.device.order("record", token), "done")
+        time.sleep(1)
+        self.assertEqual(self.device.order("stop", self.device.unlock()), "done")
+        name = self.device.get("/api/recordings")[1]["sessions"][0]["name"]
+        status, _, body = self.device.request("GET", f"/api/recordings/{name}.tar")
+        self.assertEqual(status, 200)
+        with tarfile.open(fileobj=io.BytesIO(body)) as tar:
+            self.assertIn(f"{name}/frames.y4m", tar.getnames())
+            self.assertIn(f"{name}/session.toml", tar.getnames())
+        self.assertEqual(self.device.post("/api/recordings/delete", {"name": name}, self.device.unlock())[0], 200)
+        self.assertEqual(self.device.get("/api/recordings")[1]["sessions"], [])
+
+
+    def test_a_picture_without_the_board_is_rejected_with_the_reason_and_can_be_removed(self):
+        def settled():
+            lens = self.device.get("/api/lens")[1]
+            return None if lens["is_busy"] else lens
+        self.device.wait(lambda: self.device.request("GET", "/frame.jpg")[0] == 200, "picture")
+        self.assertEqual(self.device.post("/api/lens/capture", {}, self.device.unlock())[0], 200)
+        lens = self.device.wait(settled, "picture of the board")
+        self.assertNotEqual(lens["views"][0]["rejected"], "")
+        self.assertNotIn("result", lens)
+        self.assertEqual(self.device.post("/api/lens/use", {}, self.device.unlock())[0], 409)
+        self.assertEqual(self.device.post("/api/lens/restore", {}, self.device.unlock())[0], 409)
+        self.assertEqual(self.device.post("/api/lens/remove", {"id": lens["views"][0]["id"]}, self.device.unlock())[0], 200)
+        self.assertEqual(self.device.wait(settled, "removal")["views"], [])
+        self.assertIn(b"<svg", self.device.request("GET", "/api/lens/board.svg")[2][:200])
+
+
+class Misuse(unittest.TestCase):
+    def setUp(self):
+        self.device = Device().__enter__()
+        self.addCleanup(self.device.__exit__)
+
+    def assert_works(self):
+        self.assertEqual(self.device.request("GET", "/", timeout=30)[0], 200)
+
+    def test_nothing_is_changed_without_the_key(self):
+        for token in ("", "0" * 32, "x", "../../etc/passwd", "'\"--"):
+            for path in ("/api/settings", "/api/command", "/api/recordings/delete", "/api/import", "/api/lens/capture",
+                         "/api/mount/use", "/api/exclusive"):
+                self.assertEqual(self.device.post(path, {"command": "factory"}, token)[0], 401, (path, token))
+        status, answer = self.device.post("/api/unlock", {"key": 1})
+        self.assertEqual(status, 403, answer)
+        for wrong in (-1, 65536, "18003", None, 18003.5, [18003], 1e99):
+            self.assertEqual(self.device.post("/api/unlock", {"key": wrong})[0], 400, wrong)
+        for _ in range(4):
+            status, answer = self.device.post("/api/unlock", {"key": 2})
+        self.assertEqual(status, 429, answer)
+
+    def test_pages_of_other_sites_can_neither_read_nor_write(self):
+        own = f"127.0.0.1:{self.device.page_port}"
+        for host in ("evil.com", f"evil.com:{self.device.page_port}", "", own + ".evil.com"):
+            self.assertIn(self.device.request("GET", "/api/state", headers={"Host": host})[0], (400, 421), host)
+        body = {"key": KEY}
+        for origin in ("http://evil.com", "null", "http://127.0.0.1", "http://127.0.0.1:1"):
+            self.assertEqual(self.device.post("/api/unlock", body, Origin=origin)[0], 403, origin)
+        self.assertEqual(self.device.post("/api/unlock", body, **{"Sec-Fetch-Site": "cross-site"})[0], 403)
+        self.assertEqual(self.device.post("/api/unlock", body, **{"Content-Type": "text/plain"})[0], 415)
+        self.assertEqual(self.device.post("/api/unlock", body, Origin=f"http://{own}")[0], 200)
+        headers = self.device.request("GET", "/")[1]
+        self.assertIn("default-src 'self'", headers["Content-Security-Policy"])
+        self.assertNotIn("Access-Control-Allow-Origin", headers)
+        self.assertEqual(self.device.request("OPTIONS", "/api/state")[0], 405)
+
+    def test_paths_lead_nowhere_but_to_the_page(self):
+        for path in ("/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/api/recordings/../state.toml", "/api/recordings/..%2fstate.tar",
+                     "/api/recordings/session-0001/../../state.toml.tar", "/api/recordings/.tar", "//etc/passwd", "/index.html/..", "/app.js/",
+                     "/api", "/%", "/" + "a" * 4000):
+            self.assertIn(self.device.request("GET", path)[0], (400, 404), path)
+        token = self.device.unlock()
+        for name in ("..", "../measured", "session-0001/..", "", "session-9999", None, 7, "session-1\0"):
+            self.assertEqual(self.device.post("/api/recordings/delete", {"name": name}, token)[0], 404, name)
+
+    def test_a_body_of_a_gigabyte_is_refused_at_once(self):
+        with self.device.raw() as connection:
+            connection.sendall(f"POST /api/import HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: {1 << 30}\r\n\r\n{{".encode())
+            self.assertIn(b" 413 ", connection.recv(4096))
+        before = self.device.memory_kb()
+        with self.device.raw() as connection:
+            connection.sendall(b"POST /api/import HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\n")
+            chunk = b"100000\r\n" + b"x" * 0x100000 + b"\r\n"
+            sent = 0
+            try:
+                for _ in range(1024):
+                    connection.sendall(chunk)
+                    sent += 1
+            except OSError:
+                pass  # closed
+        self.assertLess(sent, 64, "megabytes that were taken")
+        self.assertLess(self.device.memory_kb(), before + 20_000)
+        self.assert_works()
+
+    def test_slow_and_silent_clients_are_closed_and_others_are_served(self):
+        slow = [self.device.raw() for _ in range(12)]
+        end = time.monotonic() + 40
+        head = b"GET / HTTP/1.1\r\nHost: localhost\r\nX-Slow: "
+        for connection in slow:
+            connection.sendall(head)
+        closed = set()
+        while len(closed) < len(slow) and time.monotonic() < end:
+            self.assert_works()
+            for connection in slow:
+                if connection in closed:
+                    continue
+                try:
+                    connection.sendall(b"a")
+                    connection.setblocking(False)
+                    if connection.recv(100) == b"":
+                        closed.add(connection)
+                except BlockingIOError:
+                    pass
+                except OSError:
+                    closed.add(connection)
+                finally:
+                    connection.setblocking(True)
+            time.sleep(1)
+        for connection in slow:
+            connection.close()
+        self.assertEqual(len(closed), len(slow))
+
+    def test_two_hundred_connections_are_bounded_and_leave_room_for_another_address(self):
+        before = self.device.memory_kb()
+        many = []
+        for _ in range(200):
+            try:
+                many.append(self.device.raw())
+            except OSError:
+                pass
+        with socket.create_connection(("127.0.0.1", self.device.page_port), timeout=10, source_address=("127.0.0.2", 0)) as other:
+            other.sendall(b"GET /api/registers HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            self.assertIn(b" 200 ", other.recv(4096))
+        for connection in many:
+            connection.close()
+        self.device.wait(lambda: self.device.request("GET", "/")[0] == 200, "answer afterwards")
+        self.assertLess(self.device.memory_kb(), before + 20_000)
+
+    def test_garbage_is_answered_and_nothing_grows(self):
+        rng = random.Random(1)
+        words = [b"GET ", b"POST ", b"/api/state", b"/api/unlock", b" HTTP/1.1\r\n", b"Host: localhost\r\n", b"Content-Length: ", b"\r\n\r\n",
+                 b"{\"key\":", b"}", b"\0", b"\xff" * 20, b"Transfer-Encoding: chunked\r\n", b"A" * 3000, b"[" * 2000, b"Content-Type: application/json\r\n"]
+
+        def attack(_):
+            try:
+                with self.device.raw() as connection:
+                    connection.settimeout(0.02)
+                    connection.sendall(b"".join(rng.choices(words, k=rng.randrange(1, 14))))
+                    connection.recv(4096)
+            except OSError:
+                pass
+        for _ in range(300):
+            attack(0)
+        before = self.device.memory_kb()
+        with ThreadPoolExecutor(8) as pool:
+            list(pool.map(attack, range(3000)))
+        self.device.wait(lambda: self.device.request("GET", "/")[0] == 200, "answer afterwards")
+        self.assertLess(self.device.memory_kb(), before + 8_000)
+        self.assertIsNone(self.device.page.poll())
+        for body in ("", "{", "[" * 100_000, '{"key":' * 5000, "\xff", "null", "[]", '{"key":1e400}'):
+            self.assertEqual(self.device.post("/api/unlock", body.encode("latin-1"))[0], 400, body[:20])
+
+    def test_the_measuring_program_does_not_notice_that_the_page_is_killed_or_hangs(self):
+        reader = Reader(self.device.port)
+        self.device.wait(lambda: self.device.request("GET", "/frame.jpg")[0] == 200, "picture")
+        for what in (signal.SIGSTOP, signal.SIGKILL):
+            os.kill(self.device.page.pid, what)
+            before = reader.read().words[2]
+            self.device.wait(lambda: (reader.read().words[2] - before) % 65536 > 60, f"heartbeats after {what}")
+            self.device.wait(lambda: reader.read().has("ready"), f"measurement after {what}")
+        reader.close()
+        self.device.page.wait(10)
+        self.device.page.stderr.close()
+        self.device.start_page()
+        self.device.wait(lambda: self.device.get("/api/about")[0] == 200, "page after its restart")
+
+    def test_the_page_says_so_when_the_measuring_program_is_gone_and_finds_it_again(self):
+        self.device.firmware.send_signal(signal.SIGKILL)
+        self.device.firmware.wait(10)
+        self.device.firmware.stderr.close()
+        self.assertIn("does not answer", self.device.wait(lambda: self.device.get("/api/state")[1].get("error"), "error"))
+        self.assertEqual(self.device.post("/api/command", {"command": "zero"}, self.device.unlock())[0], 503)
+        self.assert_works()
+        self.device.start_firmware()
+        self.device.wait(lambda: "status" in self.device.get("/api/state")[1], "state after its restart")
+
+
+if __name__ == "__main__":
+    prepare()
+    unittest.main(verbosity=2)

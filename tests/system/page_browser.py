@@ -1,0 +1,219 @@
+#!/usr/bin/python3
+"""finsight-page in a real browser: Debian's chromium with chromium-driver and python3-selenium.
+
+usage: page_browser.py BINARY_DIR SOURCE_DIR [unittest arguments]
+Screenshots are written to BINARY_DIR/page-screenshots. The check of accessibility needs FINSIGHT_NODE_MODULES, a node_modules
+folder that has axe-core. Exits with 77 where there is no chromium.
+"""
+import os
+import shutil
+import subprocess
+import sys
+import time
+import unittest
+from pathlib import Path
+
+from end_to_end import BINARIES, SPEC, WORK, prepare  # and scripts/lib is in the path from here on
+from page_device import KEY, Device
+from register_block import Reader
+
+try:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.options import Options
+    from selenium.webdriver.chrome.service import Service
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.support.ui import WebDriverWait
+except ImportError:
+    webdriver = None
+
+PAGES = ("live", "setup/network", "setup/camera", "setup/lens", "setup/mount", "setup/zero", "setup/check", "registers", "settings",
+         "recordings", "diagnostics", "updates")
+SHOTS = BINARIES / "page-screenshots"
+REST, COVERED = WORK / "rest", WORK / "covered"
+PATIENCE_S = 60  # on a busy machine a browser without a graphics card takes its time
+
+
+def render(folder, *words):
+    newest = max((BINARIES / "hostgen").stat().st_mtime, SPEC.stat().st_mtime)
+    if not folder.exists() or folder.stat().st_mtime < newest:
+        subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", folder, "--size", "640x480", *words], check=True)
+
+
+class Browser:
+    def __init__(self, width=1280, height=900, phone=False, dark=False):
+        options = Options()
+        options.binary_location = shutil.which("chromium")
+        for word in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars", "--use-angle=swiftshader",
+                     "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", f"--window-size={width},{height}"):
+            options.add_argument(word)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.driver = webdriver.Chrome(options=options, service=Service(shutil.which("chromedriver")))
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride",
+                                    {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": phone})
+        if dark:
+            self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": "dark"}]})
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.driver.quit()
+
+    def open(self, device, page):
+        self.driver.get("about:blank")
+        self.driver.get(device.url + "#" + page)
+        self.wait(lambda d: d.find_elements(By.CSS_SELECTOR, "main h1"), page)
+
+    def wait(self, condition, what):
+        return WebDriverWait(self.driver, PATIENCE_S).until(condition, what)
+
+    def text(self, selector="main"):
+        return self.driver.find_element(By.CSS_SELECTOR, selector).text
+
+    def click(self, words):
+        def found(driver):
+            for button in driver.find_elements(By.TAG_NAME, "button"):
+                if button.is_displayed() and button.is_enabled() and button.text.strip() == words:
+                    return button
+            return None
+        button = self.wait(found, f"a button \"{words}\"")
+        self.driver.execute_script("arguments[0].click()", button)
+
+    def unlock(self, key=KEY):
+        field = self.wait(lambda d: d.find_elements(By.ID, "key"), "the question for the key")[0]
+        field.clear()
+        field.send_keys(str(key))
+        self.driver.execute_script("arguments[0].form.requestSubmit()", field)
+
+    def problems(self):
+        """What the browser complains about; a picture or shape that is not there yet is no complaint."""
+        return [line["message"] for line in self.driver.get_log("browser")
+                if line["level"] == "SEVERE" and not any(word in line["message"] for word in ("frame.jpg", "shape.bin", "/api/about"))]
+
+
+class Page(unittest.TestCase):
+    def device(self, path, more=""):
+        device = Device(path, more).__enter__()
+        self.addCleanup(device.__exit__)
+        return device
+
+    def browser(self, **options):
+        browser = Browser(**options).__enter__()
+        self.addCleanup(browser.__exit__)
+        return browser
+
+    def test_live_values_are_those_of_the_registers_in_the_same_second(self):
+        device, browser = self.device(WORK / "session"), self.browser()
+        browser.open(device, "live")
+        force = "return document.querySelectorAll('.tile .value span')[0].textContent"
+        reader = Reader(device.port)
+        compared = 0
+        for _ in range(200):
+            seen = [reader.read() for _ in range(1)]
+            shown = browser.driver.execute_script(force)
+            end = time.monotonic() + 0.5
+            while time.monotonic() < end:
+                seen.append(reader.read())
+                time.sleep(0.005)
+            values = [block.at("force") for block in seen if block.at("force") != 65535]
+            if shown == "–" or len(values) < len(seen):
+                continue
+            # The browser shows a moment of the last half second; the force changes by less than this in that time.
+            self.assertGreaterEqual(float(shown) * 100, min(values) - 100)
+            self.assertLessEqual(float(shown) * 100, max(values) + 100)
+            compared += 1
+            if compared == 5:
+                break
+        reader.close()
+        self.assertEqual(compared, 5)
+        browser.open(device, "registers")
+        row = "return [...document.querySelectorAll('tr')].find((r) => r.cells[2]?.textContent === arguments[0])?.innerText"
+        line = browser.wait(lambda d: (t := d.execute_script(row, "test_constant_long")) and "305419896" in t and t, "register 46")
+        self.assertIn("40047", line)
+        self.assertIn("1234 5678", line)
+        self.assertEqual(browser.problems(), [])
+
+    def test_writing_needs_the_key(self):
+        device, browser = self.device(REST), self.browser()
+        browser.open(device, "setup/zero")
+        browser.click("Zero now")
+        browser.unlock(1)
+        browser.wait(lambda d: "not the key" in d.find_element(By.TAG_NAME, "dialog").text, "a refusal")
+        self.assertNotIn("zeroed", device.get("/api/state")[1]["status"])
+        browser.unlock()
+        device.wait(lambda: "zeroed" in device.get("/api/state")[1]["status"], "zero", PATIENCE_S)
+        browser.wait(lambda d: "The finger is zeroed." in d.find_element(By.TAG_NAME, "main").text, "the word for it")
+
+    def test_the_wizard_goes_from_an_unmeasured_camera_to_a_zeroed_and_saved_device(self):
+        device, browser = self.device(REST), self.browser()
+        browser.open(device, "setup/camera")
+        browser.wait(lambda d: "the picture is sharp" in browser.text() and "low marker is seen" in browser.text(), "checks")
+        browser.open(device, "setup/mount")
+        browser.click("Measure")
+        browser.unlock()
+        browser.wait(lambda d: "corners fit to" in browser.text(), "a mount")
+        browser.click("Use this mount")
+        device.wait(lambda: device.get("/api/about")[1].get("mount_is_measured"), "restart with the mount", PATIENCE_S)
+        self.assertIn("[camera]", (Path(device.folder.name) / "measured" / "mount.toml").read_text())
+        browser.open(device, "setup/zero")
+        browser.click("Zero now")
+        browser.unlock()
+        browser.wait(lambda d: "The finger is zeroed." in browser.text(), "zero")
+        browser.open(device, "setup/check")
+        browser.click("Save in the device")
+        browser.unlock()
+        device.wait(lambda: "settings_unsaved" not in device.get("/api/state")[1]["status"], "save", PATIENCE_S)
+        self.assertIn("set = true", (Path(device.folder.name) / "state.toml").read_text())
+
+    def test_a_covered_marker_is_named_with_its_place(self):
+        device, browser = self.device(COVERED), self.browser()
+        browser.open(device, "live")
+        words = browser.wait(lambda d: (t := browser.text(".why")) and "marker has been hidden" in t and t, "words for the covered marker")
+        self.assertRegex(words, r"The (top|middle|low) marker has been hidden for \d+ s\s+Something covers the .* of the picture")
+
+    def test_two_browsers_and_a_plc_at_once(self):
+        device = self.device(WORK / "session")
+        first, second = self.browser(), self.browser(width=390, height=844, phone=True)
+        for browser in (first, second):
+            browser.open(device, "live")
+        reader = Reader(device.port)
+        beats = {reader.read().words[2] for _ in range(200)}
+        reader.close()
+        self.assertGreater(len(beats), 3)
+        for browser in (first, second):
+            browser.wait(lambda d: d.execute_script("return document.querySelector('.view canvas').width") > 0
+                         and not d.find_element(By.CSS_SELECTOR, ".view .note").is_displayed(), "a picture")
+
+    def test_every_page_looks_right_on_a_desk_and_on_a_phone_and_axe_finds_nothing_serious(self):
+        device = self.device(WORK / "session")
+        SHOTS.mkdir(exist_ok=True)
+        modules = os.environ.get("FINSIGHT_NODE_MODULES")
+        axe = Path(modules, "axe-core", "axe.min.js") if modules else None
+        serious = []
+        for name, options in (("desk", {}), ("dark", {"dark": True}), ("phone", {"width": 390, "height": 844, "phone": True})):
+            with Browser(**options) as browser:
+                for page in PAGES if name == "desk" else ("live", "setup/camera", "registers", "settings"):
+                    browser.open(device, page)
+                    time.sleep(4 if page == "live" else 1.5)
+                    browser.driver.save_screenshot(str(SHOTS / f"{page.replace('/', '-')}-{name}.png"))
+                    wide = browser.driver.execute_script("return document.documentElement.scrollWidth - window.innerWidth")
+                    self.assertLessEqual(wide, 0, f"{page} on {name} is wider than the window")
+                    if axe and axe.exists():
+                        browser.driver.execute_script(axe.read_text())
+                        found = browser.driver.execute_async_script("axe.run().then((r) => arguments[0](r.violations))")
+                        serious += [f"{page} {name}: {v['id']}: {v['nodes'][0]['html'][:120]}" for v in found
+                                    if v["impact"] in ("serious", "critical")]
+                self.assertEqual(browser.problems(), [])
+        self.assertEqual(serious, [])
+        if not (axe and axe.exists()):
+            self.skipTest("screenshots are made, but FINSIGHT_NODE_MODULES has no axe-core")
+
+
+if __name__ == "__main__":
+    if webdriver is None or not shutil.which("chromium") or not shutil.which("chromedriver"):
+        print("chromium, chromium-driver or python3-selenium is missing")
+        sys.exit(77)
+    prepare()
+    render(REST, "--motion", "rest", "--seconds", "3")
+    render(COVERED, "--event", "covered", "--seconds", "15")
+    unittest.main(verbosity=2)

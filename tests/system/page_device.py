@@ -1,0 +1,120 @@
+"""finsightd and finsight-page on one board file, for the page's tests."""
+import http.client
+import json
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+from end_to_end import BINARIES, PACK, SESSION, session_source
+from firmware_process import free_port
+
+KEY = 18003
+
+
+class Device:
+    """Both programs; the end of a `with` block stops them."""
+
+    def __init__(self, path=SESSION, more=""):
+        self.folder = tempfile.TemporaryDirectory()
+        self.port, self.page_port = free_port(), free_port()
+        self.settings = Path(self.folder.name) / "board.toml"
+        self.settings.write_text(
+            f'pack = "{PACK}"\n[source]\n{session_source(path=path)}\n[modbus]\nport = {self.port}\n'
+            '[storage]\nsettings = "state.toml"\nrecordings = "recordings"\n'
+            f'[page]\nport = {self.page_port}\nfolder = "memory"\nmeasured = "measured"\n{more}\n')
+        self.firmware = self.page = None
+
+    def __enter__(self):
+        self.start_firmware()
+        self.start_page()
+        self.wait(lambda: self.get("/api/state")[1].get("status"), "a state")
+        return self
+
+    def __exit__(self, *_):
+        for process in (self.page, self.firmware):
+            if process and process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+        for process in (self.page, self.firmware):
+            if process:
+                process.wait(20)
+                process.stderr.close()
+        self.folder.cleanup()
+
+    def start_firmware(self):
+        self.firmware = self.start("finsightd", "Modbus TCP on")
+
+    def start_page(self):
+        self.page = self.start("finsight-page", "http://")
+
+    def start(self, program, ready):
+        process = subprocess.Popen([BINARIES / program, "--settings", self.settings], stderr=subprocess.PIPE, text=True)
+        for line in process.stderr:
+            if ready in line:
+                break
+        return process
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.page_port}/"
+
+    def request(self, method, path, body=None, headers=None, timeout=10):
+        """Status, header fields, bytes."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.page_port, timeout=timeout)
+        try:
+            connection.request(method, path, body, headers or {})
+            answer = connection.getresponse()
+            return answer.status, answer.headers, answer.read()
+        finally:
+            connection.close()
+
+    def get(self, path):
+        status, _, body = self.request("GET", path)
+        return status, json.loads(body)
+
+    def post(self, path, body, token="", **headers):
+        fields = {"Content-Type": "application/json", "X-Finsight-Token": token, **headers}
+        status, _, answer = self.request("POST", path, body if isinstance(body, (str, bytes)) else json.dumps(body), fields)
+        return status, json.loads(answer)
+
+    def unlock(self):
+        status, answer = self.post("/api/unlock", {"key": KEY})
+        assert status == 200, answer
+        return answer["token"]
+
+    def raw(self):
+        return socket.create_connection(("127.0.0.1", self.page_port), timeout=30)
+
+    def wait(self, is_there, what, seconds=40):
+        """On a busy machine things take their time."""
+        deadline = time.monotonic() + seconds
+        while True:
+            try:
+                if found := is_there():
+                    return found
+            except (OSError, http.client.HTTPException, ValueError):
+                pass
+            assert time.monotonic() < deadline, f"no {what} within {seconds} s"
+            time.sleep(0.1)
+
+    def order(self, command, token):
+        """Its result, as the history has it."""
+        status, answer = self.post("/api/command", {"command": command}, token)
+        assert status == 200, answer
+
+        def result():
+            state = self.get("/api/state")[1]
+            for n in range(1, 9):
+                if state[f"history_{n}_sequence"] == answer["sequence"] and state[f"history_{n}_result"] != "running":
+                    return state[f"history_{n}_result"]
+            return None
+        return self.wait(result, f"result of {command}")
+
+    def memory_kb(self):
+        """Resident memory of the page's program."""
+        for line in Path(f"/proc/{self.page.pid}/status").read_text().splitlines():
+            if line.startswith("VmRSS"):
+                return int(line.split()[1])
+        return 0
