@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kAnswerTime_ms = 300;
+constexpr int kAnswerTime_ms = 1000;
 constexpr std::int64_t kLookAgain_ns = kNsPerS / 2;  // for a block that is not there
 constexpr std::int64_t kStale_ns = kNsPerS;          // a frame older than this says nothing about now
 constexpr std::int64_t kRenewKey_ns = 20 * kNsPerS;  // an unlock lasts 30 s

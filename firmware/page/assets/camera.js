@@ -1,10 +1,11 @@
 // The camera's picture with the markers drawn in. It asks for the next picture only when it has shown the last one, so a
 // slow connection slows itself down.
-import {device, isLive} from "./device.js";
+import {device, frameOf, isLive} from "./device.js";
 import {text} from "./text.js";
 import {h} from "./dom.js";
 
 const colours = ["#ff4d94", "#4dabf7", "#94d82d"];
+const farFrames = 8;  // values of a frame this far from the picture's lie beside its markers
 const every = 70;  // milliseconds; the device makes at most 15 pictures a second
 
 export class CameraView {
@@ -47,6 +48,7 @@ export class CameraView {
     if (this.stopped) return;
     this.bitmap?.close?.();
     this.bitmap = bitmap;
+    this.number = number("X-Finsight-Frame");
     this.note.hidden = true;
     this.draw();
     this.onpicture?.();
@@ -57,9 +59,10 @@ export class CameraView {
     const context = this.canvas.getContext("2d");
     context.drawImage(this.bitmap, 0, 0);
     if (!this.markers || !isLive()) return;
-    const scale = width / 640;
+    const scale = width / 640, frame = frameOf(this.number);
+    if (Math.abs(frame.n - this.number) > farFrames) return;
     (device.about?.markers || []).forEach((marker, p) => {
-      const corners = device.frame.corners[p];
+      const corners = frame.corners[p];
       if (this.places || !corners) outline(context, marker.rest_px, colours[p], scale, [6 * scale, 5 * scale]);
       if (!corners) return;
       outline(context, corners, colours[p], scale, []);
@@ -67,8 +70,8 @@ export class CameraView {
       // The top plate's marker lies between the others: its label goes below, theirs above.
       const left = Math.min(...corners.map((c) => c[0]));
       const top = p === 0 ? Math.max(...corners.map((c) => c[1])) + 26 * scale : Math.min(...corners.map((c) => c[1]));
-      const residual = device.frame.reprojection_px[p];
-      label(context, `${text.live.marker(text.plates[p], marker.id)}${device.frame.seen[p] ? ` · ${text.live.reprojection(residual.toFixed(2))}` : ""}`,
+      const residual = frame.reprojection_px[p];
+      label(context, `${text.live.marker(text.plates[p], marker.id)}${frame.seen[p] ? ` · ${text.live.reprojection(residual.toFixed(2))}` : ""}`,
             left, top - 7 * scale, scale, colours[p], width);
     });
   }

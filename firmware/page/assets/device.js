@@ -117,9 +117,15 @@ function note(line) {
   device.log.length = Math.min(device.log.length, 200);
 }
 
+const recent = [];  // the last frames: a picture may be older than the newest of them
+/** The frame of this number, or the one that was nearest to it. */
+export const frameOf = (n) => recent.reduce((best, f) => (Math.abs(f.n - n) < Math.abs(best.n - n) ? f : best), device.frame);
+
 let lastFault = null, number = 0;
 function take(frame) {
   device.frame = frame;
+  recent.push(frame);
+  if (recent.length > 40) recent.shift();
   device.lastFrameAt = performance.now();
   device.registers.set("measurements", frame.words);
   const process = device.registers.words.process;

@@ -70,14 +70,17 @@ export function lensStep() {
   }
   refresh();
   watch();
-  const lens = device.about?.lens;
-  const inUse = lens ? names.slice(0, 4).map((n) => `${n} ${lens[n].toFixed(1)}`).join(" · ") : t.none;
+  const inUse = h("div", {class: "body"});
+  const showLens = () => {
+    const lens = device.about?.lens;
+    setText(inUse, lens ? names.slice(0, 4).map((n) => `${n} ${lens[n].toFixed(1)}`).join(" · ") : t.none);
+  };
   return {element: h("div", {}, h("div", {class: "two"},
       card(t.title, [h("label", {class: "row", htmlFor: "still"}, still, t.auto), capture], camera.element, h("footer", {}, t.text)),
-      h("div", {}, card(t.now, [h("button", {onclick: () => act("/api/lens/restore", {}, t.restored)}, t.restore)], h("div", {class: "body"}, inUse)),
+      h("div", {}, card(t.now, [h("button", {onclick: () => act("/api/lens/restore", {}, t.restored)}, t.restore)], inUse),
         card(t.covered, [h("a", {class: "button", href: "/api/lens/board.svg", download: "board.svg"}, t.board)],
           h("div", {class: "body row"}, h("div", {class: "cover", role: "img", "aria-label": t.covered}, ninths), h("div", {}, h("h3", {}, t.tilt), h("div", {class: "row"}, tilts))),
           h("div", {class: "body"}, advice)))),
     card(t.views, [need, h("button", {onclick: () => act("/api/lens/clear")}, t.clear)], h("table", {}, views)), result),
-    leave() { stopped = true; camera.stop(); }};
+    update: showLens, leave() { stopped = true; camera.stop(); }};
 }

@@ -39,8 +39,11 @@ function markerProblems(frame) {
   return found;
 }
 
-/** Edges wider than this share of the picture's width are not sharp; a blur of 1/280 is a fault of the device's own. */
-export const softEdge = () => (device.about?.lens ? device.about.lens.width_px / 280 : 4);
+/**
+ * Wider edges than this are not sharp. Sharp ones are 2 to 3 pixels wide; those of the blur that is a fault of the device's own (a standard
+ * deviation of 1/280 of the picture's width) 2.5 times that.
+ */
+export const softEdge = () => Math.max(3.5, (device.about?.lens?.width_px ?? 0) / 220);
 
 export function reasons() {
   if (!device.online) return [{level: "bad", say: text.why.no_page}];
