@@ -150,9 +150,8 @@ class Flash(Case):
 class Update(Case):
     def setUp(self):
         super().setUp()
-        self.key, self.public = self.folder / "key.pem", self.folder / "key.pub"
-        subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out", self.key], check=True)
-        subprocess.run(["openssl", "pkey", "-in", self.key, "-pubout", "-out", self.public], check=True)
+        (self.folder / "keys").mkdir()
+        self.key = self.make_key("key", self.folder / "keys" / "0.pub")
         self.old, self.new = (random.Random(n).randbytes(3 * MIB + 4096 * n) for n in (1, 2))
         (self.folder / "slot-a").write_bytes(self.old.ljust(4 * MIB, b"\0"))
         (self.folder / "slot-b").write_bytes(self.old.ljust(4 * MIB, b"\0"))
@@ -161,13 +160,20 @@ class Update(Case):
         (self.folder / "cmdline").write_text("BOOT_IMAGE=/boot/vmlinuz finsight.slot=a ro quiet\n")
         (self.folder / "release").write_text("board=rpi4\nversion=1\nid=old\n")
         self.environment = {"FINSIGHT_DEVICES": str(self.folder), "FINSIGHT_CMDLINE": str(self.folder / "cmdline"),
-                            "FINSIGHT_LIB": str(ROOT / "usr/lib/finsight"), "FINSIGHT_KEY": str(self.public),
+                            "FINSIGHT_LIB": str(ROOT / "usr/lib/finsight"), "FINSIGHT_KEYS": str(self.folder / "keys"),
                             "FINSIGHT_RELEASE": str(self.folder / "release"), "FINSIGHT_STATE": str(self.folder),
                             "FINSIGHT_STAYS_UP_S": "0"}
         self.file = self.folder / "finsight-2.update"
 
-    def make(self, payload=None, key=None, board="rpi4", identity="new"):
-        make_update(self.file, payload or self.new, key or self.key, board, "2", identity)
+    def make_key(self, name, public=None):
+        key = self.folder / f"{name}.pem"
+        subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out", key], check=True)
+        if public:
+            subprocess.run(["openssl", "pkey", "-in", key, "-pubout", "-out", public], check=True)
+        return key
+
+    def make(self, payload=None, key=None, board="rpi4", identity="new", version="2"):
+        make_update(self.file, payload or self.new, key or self.key, board, version, identity)
 
     def update(self):
         return self.run_with(["sh", ROOT / "usr/sbin/finsight-update", self.file], **self.environment)
@@ -189,6 +195,22 @@ class Update(Case):
         self.assertTrue((self.folder / "slot-b").read_bytes().startswith(self.new))
         self.assertTrue((self.folder / "slot-a").read_bytes().startswith(self.old))
         self.assertEqual((self.folder / "env").stat().st_size, MIB)
+
+    def test_an_update_by_any_of_the_keys_is_taken(self):
+        self.make(key=self.make_key("next", self.folder / "keys" / "1.pub"))
+        self.assertEqual(self.update().returncode, 0)
+
+    def test_older_versions_are_the_way_back_down_to_the_lowest(self):
+        (self.folder / "release").write_text("board=rpi4\nversion=0.10.0-202611221947\nid=old\nlowest=0.9.0-202601010000\n")
+        for version in ("0.9.0-202512312359", "0.2.0-202611221947"):
+            self.make(version=version)
+            answer = self.update()
+            self.assertEqual(answer.returncode, 2)
+            self.assertIn(f"version {version} is older than 0.9.0-202601010000", answer.stderr)
+        self.make(version="0.9.0-202601010000")
+        answer = self.update()
+        self.assertEqual(answer.returncode, 0, answer.stderr)
+        self.assertIn("writing version 0.9.0-202601010000 back from 0.10.0-202611221947", answer.stdout)
 
     def test_what_is_not_ours_is_refused_and_nothing_is_written(self):
         other = self.folder / "other.pem"
