@@ -111,6 +111,7 @@ int measure(const Arguments& arguments, const Settings& settings) {
   LoopSettings loop_settings = settings.loop;
   if (settings.mount) loop_settings.mount = corrected_mount(model.mount, *settings.mount);
   const std::optional<SessionInfo> images = source_images(settings, model);
+  complete_from_source(settings, images, loop_settings);
   FrameLoop loop(model, images ? std::optional(images->lens) : std::nullopt, loop_settings);
   const OpenSource source = open_source(settings, images);
   const ZeroBasis basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount))};
@@ -139,6 +140,7 @@ int measure(const Arguments& arguments, const Settings& settings) {
   Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved.state,
                     kNsPerMs * timeout_ms);
   control.identify(identity_of(settings, &model));
+  control.expect_gravity(kNsPerMs * settings.gravity_max_age_ms);
   const Thermometer thermometer(control);
   Health health(control);
   ModbusServer server(settings.modbus, control, log_message);

@@ -63,6 +63,10 @@ struct PlatePoses {
   int seen_count() const { return int{seen[0]} + int{seen[1]} + int{seen[2]}; }
 };
 
+/// How grey levels stand for light: in proportion, or by the curve of IEC 61966-2-1, as most cameras code pictures
+/// that are made to be looked at. Blurred edges of coded pictures lie elsewhere, and a marker seems larger.
+enum class Coding : std::uint8_t { kLinear, kSrgb };
+
 /// What the camera delivers: a grey image, 8 bit, borrowed and valid during one step.
 struct Frame {
   const std::uint8_t* grey = nullptr;
@@ -71,6 +75,7 @@ struct Frame {
   int stride_bytes = 0;
   std::int64_t exposure_ns = 0;  ///< middle of the exposure on the steady clock
   std::uint32_t sequence = 0;    ///< camera's frame counter; a gap means dropped frames
+  Coding coding = Coding::kLinear;
 };
 
 /// The four corners of each plate's marker, clockwise from its top left corner, in distorted image pixels.
@@ -104,6 +109,10 @@ struct Observation {
   bool moved_as_one = false;  ///< the plates of this frame moved as one rigid body, which no touch can cause
   bool camera_moved = false;  ///< they have done so for long: camera or finger were knocked
   float shaken_mm = 0;        ///< see Shake
+  /// Standard deviation, along each axis, of an acceleration (gravity included) that bends the finger and that the
+  /// poses are not corrected for; in g.
+  float unknown_g = 0;
+  bool is_from_rest = false;  ///< the poses are relative to this finger's own rest, not to the model's
 };
 
 /// Which model made the shape ("model only what a scene needs").
@@ -128,11 +137,15 @@ struct Touch {
   float radius_68_mm = 0;            ///< 68 % of the errors of point_mm are smaller
   float force_n = 0;                 ///< normal to the face
   float force_sigma_n = 0;           ///< standard deviation of force_n
+  // Of these, components that the plates do not tell are NaN, with their deviations.
   Vec3f force_vector_n = Vec3f::Zero(), force_vector_sigma_n = Vec3f::Zero();  ///< normal, across, along the face
   Vec3f wrench_force_n = Vec3f::Zero(), wrench_force_sigma_n = Vec3f::Zero();  ///< the same in the finger frame
   Vec3f moment_nm = Vec3f::Zero(), moment_sigma_nm = Vec3f::Zero();  ///< of that force about the finger frame's origin
   float plate_motion_mm = 0;  ///< largest displacement of a plate: what decides whether a touch can be located
   bool over_range = false;    ///< the plates moved further than any trained touch moves them
+  /// Log-odds, as the network was trained, that a touch of its scene moved the plates so.
+  float explained = 0;
+  bool unexplained = false;             ///< too low: something else moved them, and this is no touch
   Quality quality = Quality::kInvalid;  ///< invalid below the model's threshold of plate motion and over range
 };
 

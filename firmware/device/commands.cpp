@@ -20,6 +20,7 @@ Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorde
       settings_(saved.settings),
       saved_(saved) {
   loop_.zeroing().set_zero(saved.zero);
+  loop_.gravity().set_at_zero(saved.zero_g);
 }
 
 void Commands::poll() {
@@ -42,6 +43,7 @@ void Commands::poll() {
     if (is_ordered_) control_.finish(*result);
   }
   loop_.show_unsaved(zero_changed_ || settings_ != saved_.settings);
+  loop_.gravity().set_felt(control_.felt_gravity(steady_now_ns()));
   loop_.show_master_lost(control_.is_master_lost(steady_now_ns()));
   if (recorder_) {
     control_.show_recording(static_cast<std::uint16_t>(recorder_->state()), recorder_->seconds(), recorder_->mb_left());
@@ -96,6 +98,7 @@ std::optional<CommandResult> Commands::start(Command command) {
     case Command::kFactory:  // Control has replaced the settings already
       zero_changed_ = zero_changed_ || loop_.zeroing().zero();
       loop_.zeroing().set_zero(std::nullopt);
+      loop_.gravity().set_at_zero(std::nullopt);
       return CommandResult::kDone;
   }
   return CommandResult::kNotPossible;

@@ -33,7 +33,7 @@ class Commands {
   std::optional<CommandResult> outcome();
   std::optional<CommandResult> record(bool start);
   std::optional<CommandResult> tare(ProcessValues::Tare tare);
-  SavedState current() const { return {settings_, loop_.zeroing().zero()}; }
+  SavedState current() const { return {settings_, loop_.zeroing().zero(), loop_.gravity().at_zero()}; }
 
   Control& control_;
   FrameLoop& loop_;

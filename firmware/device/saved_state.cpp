@@ -14,8 +14,8 @@ namespace finsight {
 namespace {
 
 // Of the file; a new one when its keys change. Version 1 did not say what the zero was measured with; up to version 2
-// there were fewer settings.
-constexpr int kVersion = 3, kVersionWithoutBasis = 1, kVersionOfFewerSettings = 2;
+// there were fewer settings; up to version 3 a zero did not say how the finger stood.
+constexpr int kVersion = 4, kVersionWithoutBasis = 1, kVersionOfFewerSettings = 2;
 constexpr int kLastOfFewerSettings = kTriggerCommand;
 
 void add_numbers(std::string& text, const PlateMotion& motion) {
@@ -42,6 +42,12 @@ std::string text_of(const SavedState& state, const ZeroBasis& basis) {
     add_numbers(text, (*state.zero)[p]);
     text += "]  # mm, rad\n";
   }
+  if (state.zero_g) {
+    char line[96];
+    const Eigen::Vector3d g = state.zero_g->cast<double>();
+    std::snprintf(line, sizeof line, "gravity_g = [%.9g, %.9g, %.9g]  # when it was measured\n", g.x(), g.y(), g.z());
+    text += line;
+  }
   text += "model = \"" + checksum_text(basis.model_checksum) + "\"  # that it was measured with, and the mount\n";
   return text + measured_mount_toml(basis.mount, "zero.mount.");
 }
@@ -62,6 +68,7 @@ RuntimeSettings read_settings_table(TomlTable table, std::int64_t version) {
 
 struct StoredZero {
   ZeroPose pose;
+  std::optional<Vec3f> gravity_g;
   std::string model;    ///< checksum_text(); empty in a file of version 1
   MeasuredMount mount;  ///< only with a model
 };
@@ -77,6 +84,10 @@ std::optional<StoredZero> read_zero(TomlTable table, bool has_basis) {
         part[i % 3] = static_cast<float>(numbers[static_cast<std::size_t>(i)]);
       }
     }
+  }
+  if (is_set && table.has("gravity_g")) {
+    const auto g = table.numbers("gravity_g", 3, -100, 100);
+    zero.gravity_g = Eigen::Vector3d(g[0], g[1], g[2]).cast<float>();
   }
   if (is_set && has_basis) {
     zero.model = table.text("model");
@@ -102,13 +113,14 @@ std::optional<LoadedState> load_state(const std::filesystem::path& file, const Z
   if (!std::filesystem::exists(file)) return std::nullopt;
   TomlTable root = TomlTable::parse_file(file);
   const auto version = root.integer("version", kVersionWithoutBasis, kVersion);
-  LoadedState loaded{{read_settings_table(root.table("settings"), version), std::nullopt}, ""};
+  LoadedState loaded{{read_settings_table(root.table("settings"), version), std::nullopt, std::nullopt}, ""};
   const auto zero = read_zero(root.table("zero"), version != kVersionWithoutBasis);
   root.finish();
   if (!zero || !basis) return loaded;
   const std::string reason = mismatch(*zero, *basis);
   if (reason.empty()) {
     loaded.state.zero = zero->pose;
+    loaded.state.zero_g = zero->gravity_g;
   } else {
     loaded.problem = file.string() + ": the saved zero is not used: it " + reason + "; zero the finger and save again";
   }

@@ -17,6 +17,8 @@ namespace finsight {
 struct SavedState {
   RuntimeSettings settings;
   std::optional<ZeroPose> zero;
+  std::optional<Vec3f> zero_g =
+      std::nullopt;  ///< acceleration of things that fell when the zero was measured, if known
 };
 
 /// What a zero was measured with. It is meaningless for another finger, and once camera or markers sit elsewhere.

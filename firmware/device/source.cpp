@@ -38,7 +38,20 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
                      .marker_dictionary = "DICT_4X4_50",
                      .marker_id = model.mount.marker_id,
                      .marker_size_mm = marker_size_mm,
-                     .description = {}};
+                     .description = {},
+                     .gravity_g = settings.fixed_g,
+                     .coding = settings.camera.coding};
+}
+
+void complete_from_source(const Settings& settings, const std::optional<SessionInfo>& images, LoopSettings& loop) {
+  const bool is_recorded_motion = settings.source == Settings::Source::kPoses;
+  loop.rest_is_known = is_recorded_motion || images->from_rest;
+  loop.fixed_g = settings.fixed_g;
+  if (settings.fixed_g || settings.gravity_max_age_ms > 0) return;
+  loop.fixed_g = is_recorded_motion ? std::optional(Vec3f(0, 0, 0)) : images->gravity_g;
+  if (loop.fixed_g) return;
+  log_message(
+      "gravity is not known (board file, [gravity]): every touch is told less surely, as if the finger had turned");
 }
 
 OpenSource open_source(const Settings& settings, const std::optional<SessionInfo>& images) {

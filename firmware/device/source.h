@@ -18,6 +18,10 @@ using OpenSource = std::variant<std::unique_ptr<Camera>, std::unique_ptr<PoseRep
 /// than the model's.
 std::optional<SessionInfo> source_images(const Settings& settings, const Model& model);
 
+/// What is known of the finger's attitude and rest: from the board file, or else from the session. Recorded plate
+/// motions are relative to their own rest.
+void complete_from_source(const Settings& settings, const std::optional<SessionInfo>& images, LoopSettings& loop);
+
 /// `images`: source_images(). Throws InputError for a recording that cannot be used. A camera that is missing is not an
 /// error: see open_live_camera().
 OpenSource open_source(const Settings& settings, const std::optional<SessionInfo>& images);

@@ -9,7 +9,10 @@ namespace finsight {
 
 FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, const LoopSettings& settings)
     : model_(model),
+      rest_is_known_(settings.rest_is_known),
+      gravity_(model.touch, settings.fixed_g),
       zeroing_(model.touch.threshold_mm),
+      marker_places_(model.mount, model.touch),
       filter_(settings.smoothing_ms),
       shape_(model, settings.shape),
       touch_(model) {
@@ -63,7 +66,10 @@ const RegisterImage& FrameLoop::process(Observation seen, StageClock clock) {
 // Makes the poses relative to the zero and adds what can only be told from several frames.
 void FrameLoop::zero(Observation& seen) {
   if (seen.image_fault == ImageFault::kMissing) zeroing_.cancel();
+  const bool was_measuring = zeroing_.is_running();
   if (zeroing_.apply(seen.poses)) {
+    if (was_measuring) gravity_.set_at_zero(gravity_.felt());
+    zeroing_.zero() ? marker_places_.estimate(*zeroing_.zero()) : marker_places_.forget();
     mount_check_.reset();
     shake_.reset();
     filter_.reset();
@@ -71,6 +77,10 @@ void FrameLoop::zero(Observation& seen) {
     process_.reset();
     seen.rigid_motion.reset();
   }
+  const bool is_zeroed = zeroing_.zero().has_value();
+  if (seen.poses.quality == Quality::kFresh) marker_places_.correct(seen.poses);
+  if (seen.poses.quality == Quality::kFresh) seen.unknown_g = gravity_.apply(is_zeroed, seen.poses);
+  seen.is_from_rest = is_zeroed || rest_is_known_;
   seen.moved_as_one = seen.rigid_motion && MountCheck::is_rigid_motion(*seen.rigid_motion);
   seen.camera_moved = mount_check_.update(seen.poses, seen.rigid_motion);
   seen.shaken_mm = shake_.update(seen.poses, seen.sequence);
@@ -80,7 +90,7 @@ void FrameLoop::zero(Observation& seen) {
 // Held poses were located when they were fresh. No touch moves all plates as one rigid body.
 Touch FrameLoop::locate(const Observation& seen, const PlatePoses& poses, const PoseVector& motion) {
   if (poses.quality != Quality::kFresh || seen.moved_as_one || seen.camera_moved) return {};
-  return touch_.locate(poses, motion, seen.shaken_mm);
+  return touch_.locate(poses, motion, {seen.shaken_mm, seen.unknown_g, seen.is_from_rest});
 }
 
 void FrameLoop::judge(const Observation& seen, const FingerShape& shape, const Touch& touch) {

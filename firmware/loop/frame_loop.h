@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <optional>
 
+#include "firmware/loop/gravity.h"
 #include "firmware/loop/hold.h"
+#include "firmware/loop/marker_places.h"
 #include "firmware/loop/mount_check.h"
 #include "firmware/loop/pose_filter.h"
 #include "firmware/loop/process_values.h"
@@ -24,6 +26,10 @@ struct LoopSettings {
   RuntimeSettings runtime;                         ///< the first; see use()
   double smoothing_ms = 0;                         ///< delay of the low-pass on plate motions, see PoseFilter; 0: none
   std::optional<MountModel> mount = std::nullopt;  ///< of this device, instead of the model's
+  /// The acceleration of things that fall, in the finger frame and in g, if the finger never turns. Nothing, or a rest
+  /// that is not known, makes every touch less sure; these are for poses that are as in the pack.
+  std::optional<Vec3f> fixed_g = Vec3f(0, 0, 0);
+  bool rest_is_known = true;  ///< the poses are relative to this finger's own rest without a zero
 };
 
 /// Frame in, registers out. The model must outlive the loop. After construction nothing allocates (except OpenCV's
@@ -47,6 +53,8 @@ class FrameLoop {
   /// From the next frame on.
   void use(const RuntimeSettings& settings) { state_.settings = settings; }
   Zeroing& zeroing() { return zeroing_; }
+  /// From the next frame on; also with what the zero was measured.
+  GravityCorrection& gravity() { return gravity_; }
   ProcessValues& process_values() { return process_; }
   void show_unsaved(bool unsaved) { state_.settings_unsaved = unsaved; }
   /// Stays, where the frame itself has no other fault, until it is set to kNone.
@@ -76,8 +84,11 @@ class FrameLoop {
   void count(const Observation& seen);
 
   const Model& model_;
+  const bool rest_is_known_;
   std::optional<Observer> observer_;
+  GravityCorrection gravity_;
   Zeroing zeroing_;
+  MarkerPlaces marker_places_;
   MountCheck mount_check_;
   Shake shake_;
   PoseFilter filter_;

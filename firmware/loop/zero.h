@@ -25,6 +25,7 @@ class Zeroing {
   explicit Zeroing(float furthest_mm) : furthest_mm_(furthest_mm) {}
 
   void begin();
+  bool is_running() const { return running_; }
   /// Ends a measurement that is running as failed: no frame comes, or a touch is published.
   void cancel() {
     if (running_) end(false);

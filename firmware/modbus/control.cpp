@@ -22,6 +22,10 @@ bool may_be_written(int first, std::size_t count) {
   const auto* row = &control_row(first);
   if (!std::all_of(row, row + count, [](const RegisterRow& r) { return r.writable; })) return false;
   if (first == kCommandRegister) return count == 2;
+  if (first == kGravityRegister) return count == kGravityRegisters;
+  if (first > kGravityRegister || (first >= kProcessAddress && first + static_cast<int>(count) > kGravityRegister)) {
+    return false;
+  }
   return first >= kFirstSettingRegister || (first != kSequenceRegister && count == 1);
 }
 
@@ -80,6 +84,10 @@ std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_
       return refresh_;
     case kExclusiveRegister:
       return exclusive_client(now_ns) != kNobody;
+    case kGravityRegister:
+    case kGravityRegister + 1:
+    case kGravityRegister + 2:
+      return gravity_[static_cast<std::size_t>(address - kGravityRegister)];
     case address_of("recording_s"):
       return recording_s_;
     case address_of("recording_mb_left"):
@@ -117,6 +125,10 @@ Exception Control::write(int first, std::span<const std::uint16_t> words, const 
   if (exclusive_client_ != kNobody && exclusive_client_ != access.address) return Exception::kBusy;
   if (first == kExclusiveRegister) return write_exclusive(words[0], access);
   if (first == kCommandRegister) return write_command(words[0], words[1], access, now_ns);
+  if (first == kGravityRegister) {
+    write_gravity(words, now_ns);
+    return Exception::kNone;
+  }
   return write_settings(first, words);
 }
 
@@ -148,6 +160,28 @@ Exception Control::write_command(std::uint16_t command, std::uint16_t sequence, 
   busy_ = true;
   pending_ = command;
   return Exception::kNone;
+}
+
+void Control::write_gravity(std::span<const std::uint16_t> words, std::int64_t now_ns) {
+  std::uint64_t packed = 0;
+  for (std::size_t i = 0; i < gravity_.size(); ++i) {
+    gravity_[i] = words[i];
+    packed |= std::uint64_t{words[i]} << (16 * i);
+  }
+  packed_gravity_ = packed;
+  gravity_ns_ = now_ns;
+}
+
+std::optional<Vec3f> Control::felt_gravity(std::int64_t now_ns) const {
+  const std::int64_t written_ns = gravity_ns_;
+  if (written_ns == 0 || gravity_max_age_ns_ == 0 || now_ns - written_ns > gravity_max_age_ns_) return std::nullopt;
+  const std::uint64_t packed = packed_gravity_;
+  Vec3f felt_g;
+  for (int i = 0; i < kGravityRegisters; ++i) {
+    felt_g[i] = static_cast<float>(control_row(kGravityRegister).scale) *
+                static_cast<float>(static_cast<std::int16_t>(packed >> (16 * i)));
+  }
+  return felt_g;
 }
 
 // The new settings are a copy that takes effect only after it has been checked as a whole.

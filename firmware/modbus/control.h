@@ -80,6 +80,10 @@ class Control {
   /// Whether register 1006 was not written for longer than setting 1022 (as settings() has it) allows. The time counts
   /// from the moment at which this is first asked with the setting on.
   bool is_master_lost(std::int64_t now_ns);
+  /// From now on registers 1102 to 1104 count as known for this long after each write; before, never.
+  void expect_gravity(std::int64_t max_age_ns) { gravity_max_age_ns_ = max_age_ns; }
+  /// In the finger frame, in g; nothing while it is not known.
+  std::optional<Vec3f> felt_gravity(std::int64_t now_ns) const;
   /// A block whose exposure is longer ago than this is stalled: the firmware hangs or gets no processor time. While the
   /// block reports a camera fault, which explains its age, the time counts from its publication.
   void set_stale_after(std::int64_t stale_after_ns) { stale_after_ns_ = stale_after_ns; }
@@ -105,6 +109,7 @@ class Control {
   Exception write_exclusive(std::uint16_t on, const ClientAccess& access);
   Exception write_command(std::uint16_t command, std::uint16_t sequence, const ClientAccess& access,
                           std::int64_t now_ns);
+  void write_gravity(std::span<const std::uint16_t> words, std::int64_t now_ns);
   Exception write_settings(int first, std::span<const std::uint16_t> words);
   void settle();
   std::uint32_t exclusive_client(std::int64_t now_ns) const;
@@ -122,6 +127,7 @@ class Control {
   RuntimeSettings settings_;
   CommandHistory history_;
   std::uint16_t refresh_ = 0;
+  std::array<std::uint16_t, kGravityRegisters> gravity_{};
   ServerCounts counts_;
   DeviceIdentity identity_;
 
@@ -132,6 +138,8 @@ class Control {
   std::atomic<bool> busy_{false};         ///< from the request to the result
   std::atomic<std::uint16_t> result_{0};  ///< of the newest command, once it is not busy
   std::atomic<std::int64_t> refreshed_ns_{0};
+  std::atomic<std::uint64_t> packed_gravity_{0};  ///< the three words, the first one lowest
+  std::atomic<std::int64_t> gravity_ns_{0}, gravity_max_age_ns_{0};
   std::int64_t guarded_since_ns_ = 0;  ///< the frame loop's alone; 0: setting 1022 is off
   std::atomic<std::uint16_t> recording_{0}, recording_s_{0}, recording_mb_left_{0xFFFF};
   std::atomic<std::int64_t> stale_after_ns_{std::numeric_limits<std::int64_t>::max()};

@@ -29,6 +29,7 @@ inline constexpr NamedValue kStatusBits[] = {
     {10, "camera_fault"},
     {11, "solver_fallback", "the shape map stands in for the solver"},
     {12, "settings_unsaved"},
+    {13, "unexplained", "no touch of the pack's scene (80) moves the plates so: not two contacts nor pushes at a side"},
     {14, "overload"},
     {15, "any_fault"},
 };
@@ -148,7 +149,7 @@ using enum RegisterType;
 // One line per row.
 // clang-format off
 inline constexpr RegisterRow kMeasurements[] = {
-    row::bits(0, "status", kStatusBits, "bit 13 is reserved, always 0; the others"),
+    row::bits(0, "status", kStatusBits, ""),
     row::code(1, "fault", kFaults, ""),
     row::count(2, "heartbeat", kUint16, "goes up by 1 with every published result; wraps around"),
     row::measured(3, "age", kUint16, 0.1, "ms", "time from exposure to this read", "no result yet"),
@@ -246,9 +247,9 @@ inline constexpr RegisterRow kControl[] = {
 inline constexpr RegisterRow kProcess[] = {
     row::writable(row::number(1100, "lowpass", kUint16, 0.1, "Hz", "cut-off frequency of the low-pass of registers 1120 to 1134; 0: none"), 0, 1000),
     row::writable(row::number(1101, "grip_change", kUint16, 0.1, "", "while an object is held, grip_changed is raised when the touch moves by more than this many of its radii, or the deformation by as many standard deviations of its noise; 0: never"), 0, 1000, 30),
-    row::reserved(1102, "reserved_1102"),
-    row::reserved(1103, "reserved_1103"),
-    row::reserved(1104, "reserved_1104"),
+    row::writable(row::number(1102, "gravity_x", kInt16, 0.001, "g", "acceleration of things that fall, with the arm's own, in the finger frame, x; this and the next two only in one write"), 0, 65535),
+    row::writable(row::number(1103, "gravity_y", kInt16, 0.001, "g", "the same, y: -1000 where the finger stands upright at rest"), 0, 65535),
+    row::writable(row::number(1104, "gravity_z", kInt16, 0.001, "g", "the same, z"), 0, 65535),
     row::reserved(1105, "reserved_1105"),
     row::reserved(1106, "reserved_1106"),
     row::reserved(1107, "reserved_1107"),
@@ -390,7 +391,8 @@ enum ControlRegister : int {
 };
 inline constexpr int kProcessAddress = address_of("lowpass");
 inline constexpr int kProcessBlockRegisters = static_cast<int>(kRegisterTable.process.size());
-inline constexpr int kProcessSettings = address_of("reserved_1102") - kProcessAddress;
+inline constexpr int kGravityRegister = address_of("gravity_x"), kGravityRegisters = 3;
+inline constexpr int kProcessSettings = kGravityRegister - kProcessAddress;
 inline constexpr int kProcessValueAddress = address_of("events");  ///< from here on they are in RegisterImage::process
 static_assert(kProcessRegisters == kProcessAddress + kProcessBlockRegisters - kProcessValueAddress);
 

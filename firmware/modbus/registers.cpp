@@ -63,6 +63,7 @@ std::uint16_t status_word(const PlatePoses& poses, const FingerShape& shape, con
   set(kLowSeen, poses.seen[kLowPlate]);
   set(kZeroed, state.zeroed);
   set(kOverRange, touch.over_range);
+  set(kUnexplained, touch.unexplained);
   set(kCameraFault, state.camera_fault);
   set(kSolverFallback, shape.fallback);
   set(kSettingsUnsaved, state.settings_unsaved);
@@ -236,7 +237,7 @@ void mark_stalled(RegisterImage& image, const RuntimeSettings& settings) {
     return;
   }
   constexpr std::uint16_t kOfOldFrame = kTouchValid | kContact | kShapeValid | kHeld | kTopSeen | kMiddleSeen |
-                                        kLowSeen | kOverRange | kSolverFallback | kOverload;
+                                        kLowSeen | kOverRange | kSolverFallback | kUnexplained | kOverload;
   status = static_cast<std::uint16_t>(status & ~kOfOldFrame);
   image.words[address_of("limits")] = 0;
   BlockWriter block(image.words, 0, is_low_word_first(image));

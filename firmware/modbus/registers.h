@@ -26,6 +26,7 @@ enum StatusBit : std::uint16_t {
   kCameraFault = bit_named("status", "camera_fault"),
   kSolverFallback = bit_named("status", "solver_fallback"),
   kSettingsUnsaved = bit_named("status", "settings_unsaved"),
+  kUnexplained = bit_named("status", "unexplained"),
   kOverload = bit_named("status", "overload"),
   kAnyFault = bit_named("status", "any_fault"),
 };

@@ -17,6 +17,7 @@ constexpr std::int64_t kMaxSelfTests = 64;
 
 constexpr float kSmallestScale = 1e-9f, kLargestScale = 1e9f;
 constexpr float kLargestKnot = 1000;  // of the radius curve: mm, or an exponent
+constexpr float kLargestPerG = 100;   // mm or rad
 
 /// Reads tensors and metadata, and refuses tensors that were never asked for.
 class PackReader {
@@ -146,6 +147,7 @@ TouchModel read_touch(PackReader& pack) {
   const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMaxKnots);
   touch.radius_curve = pack.tensor<float>(tensor::kTouchRadiusCurve, {knots, 3});
   touch.face_axes = pack.tensor<float>(tensor::kTouchFaceAxes, {3, 3});
+  touch.per_g = pack.tensor<float>(tensor::kTouchPerG, {kPoseDims, 3});
   std::int64_t inputs = TouchModel::kInputs;
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const bool last = i + 1 == touch.layers.size();
@@ -160,6 +162,10 @@ TouchModel read_touch(PackReader& pack) {
   }
   touch.threshold_mm = pack.number<float>(meta::kThreshold, 0.01f, 50);
   touch.range_mm = pack.number<float>(meta::kRange, touch.threshold_mm, 1000);
+  touch.explained_above = pack.number<float>(meta::kExplainedAbove, -1e6F, 1e6F);
+  touch.stiffness_tolerance = pack.number<float>(meta::kStiffnessTolerance, 0, 1);
+  touch.marker_tolerance_mm = pack.number<float>(meta::kMarkerTolerance_mm, 0, 10);
+  touch.marker_tolerance_rad = pack.number<float>(meta::kMarkerTolerance_rad, 0, 1);
   return touch;
 }
 
@@ -239,6 +245,7 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   positive(tensor::kTouchOutputScale, model.touch.output_scale);
   check_radius_curve(file, model.touch.radius_curve);
   check_face_axes(file, model.touch.face_axes);
+  check_range(file, tensor::kTouchPerG, model.touch.per_g, -kLargestPerG, kLargestPerG);
   for (std::size_t i = 0; i < model.touch.layers.size(); ++i) {
     check_range(file, tensor::kTouchWeightScale[i], model.touch.layers[i].scale, 0, kLargestScale);
   }

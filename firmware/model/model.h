@@ -59,11 +59,12 @@ struct DenseInt8 {
 
 /// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, log of each plate's noise.
 /// Outputs: point x y z and its displacement x y z (mm), force (normal, across, along; N), its moment about the finger
-/// frame's origin x y z (N m); then the logarithms of the standard deviations of point, force and moment.
+/// frame's origin x y z (N m); then the logarithms of the standard deviations of point, force and moment; then the
+/// log-odds that a touch of the scene moved the plates so.
 struct TouchModel {
   static constexpr int kInputs = kPoseDims + 1 + kPlates;  // direction, size, noise
   static constexpr int kMeans = 12;                        // point, displacement, force, moment
-  static constexpr int kOutputs = 21;   // the means, then a log-sigma each of point, force and moment
+  static constexpr int kOutputs = 22;   // the means, a log-sigma each of point, force and moment, the log-odds
   std::span<const float> scale;         ///< [kPoseDims] mm or mm per rad, before taking the direction
   std::span<const float> input_mean;    ///< [kInputs]
   std::span<const float> input_scale;   ///< [kInputs] multiplies (input - mean)
@@ -72,10 +73,16 @@ struct TouchModel {
   /// [knots, 3] plate motion (mm, ascending), a, b: the radius at that motion is exp(a) times the network's to the b,
   /// linear in between, constant beyond.
   std::span<const float> radius_curve;
-  std::array<DenseInt8, 3> layers;   ///< 22 -> 512 -> 256 -> 21, ReLU between
-  std::span<const float> face_axes;  ///< [3, 3] unit vectors in the finger frame: the face's inward normal, across, along
-  float threshold_mm = 0;            ///< plate motion below which a touch is invalid
-  float range_mm = 0;                ///< plate motion beyond any trained touch: over range, no touch
+  std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 256 -> 22, ReLU between
+  std::span<const float>
+      face_axes;                 ///< [3, 3] unit vectors in the finger frame: the face's inward normal, across, along
+  float threshold_mm = 0;        ///< plate motion below which a touch is invalid
+  float range_mm = 0;            ///< plate motion beyond any trained touch: over range, no touch
+  float explained_above = 0;     ///< log-odds below which the motion is unexplained, no touch
+  std::span<const float> per_g;  ///< [kPoseDims, 3] plate motion for an acceleration of 1 g along x, y and z
+  /// How much fingers of this spec differ, as standard deviations: their stiffness (relative) and their markers'
+  /// places.
+  float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0;
 };
 
 /// Gaussian over the pose vectors of touched fingers: decides between the two poses of a marker and completes plates
@@ -155,6 +162,7 @@ inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
 inline constexpr const char* kTouchRadiusCurve = "touch.radius_curve";
 inline constexpr const char* kTouchFaceAxes = "touch.face_axes";  // [3, 3]
+inline constexpr const char* kTouchPerG = "touch.motion_per_g";   // [kPoseDims, 3]
 inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
 inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1",
                                                      "touch.weight_scale2"};
@@ -176,7 +184,7 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "2";
+inline constexpr const char* kFormatVersion = "3";
 inline constexpr const char* kFinger = "finger";
 inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";
@@ -186,6 +194,10 @@ inline constexpr const char* kTetCount = "tets";
 inline constexpr const char* kMarkerSize = "marker_size_mm";
 inline constexpr const char* kThreshold = "touch_threshold_mm";
 inline constexpr const char* kRange = "touch_range_mm";
+inline constexpr const char* kExplainedAbove = "touch_explained_above";
+inline constexpr const char* kStiffnessTolerance = "stiffness_tolerance";
+inline constexpr const char* kMarkerTolerance_mm = "marker_tolerance_mm";
+inline constexpr const char* kMarkerTolerance_rad = "marker_tolerance_rad";
 inline constexpr const char* kRatedDeformation = "rated_deformation_mm";
 inline constexpr const char* kTensorCrc = "crc32.";   // + tensor name: CRC-32 of its bytes, 8 hexadecimal digits
 inline constexpr const char* kChecksum = "checksum";  // header_checksum(), 8 hexadecimal digits

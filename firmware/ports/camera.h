@@ -75,6 +75,7 @@ struct LiveCameraSettings {
   double frames_per_second = 0;                   ///< applied if the camera supports it
   std::optional<int> exposure_us = std::nullopt;  ///< either of these two ends the camera's automatic exposure
   std::optional<double> gain = std::nullopt;
+  Coding coding = Coding::kLinear;
   int stall_ms = 500;  ///< a camera without a frame for this time is lost
 };
 

@@ -162,7 +162,8 @@ class LibcameraCamera : public Camera {
     frame = Frame{.grey = plane.pixels(),
                   .width_px = settings_.width_px,
                   .height_px = settings_.height_px,
-                  .stride_bytes = stride_bytes_};
+                  .stride_bytes = stride_bytes_,
+                  .coding = settings_.coding};
     if (!layout_.is_grey_plane()) {
       convert_to_grey(layout_, plane.pixels(), frame.width_px, frame.height_px, stride_bytes_, grey_.data());
       frame.grey = grey_.data();

@@ -83,7 +83,9 @@ class Replay : public Source<Sample> {
 class SessionCamera : public Replay<Frame> {
  public:
   SessionCamera(const ReplaySettings& settings, const SessionInfo& info)
-      : Replay(settings, info.frames_per_second), images_(settings.path / kSessionFrames, !info.complete) {
+      : Replay(settings, info.frames_per_second),
+        images_(settings.path / kSessionFrames, !info.complete),
+        coding_(info.coding) {
     const auto check = [&](const char* field, double found, double expected) {
       if (std::abs(found - expected) < 1e-6 * expected) return;  // a rate is written as a ratio
       throw InputError((settings.path / kSessionFrames).string(), field, std::to_string(found),
@@ -104,12 +106,14 @@ class SessionCamera : public Replay<Frame> {
     *frame = Frame{.grey = grey_.data(),
                    .width_px = images_.width_px(),
                    .height_px = images_.height_px(),
-                   .stride_bytes = images_.width_px()};
+                   .stride_bytes = images_.width_px(),
+                   .coding = coding_};
     return true;
   }
   void rewind() final { images_.rewind(); }
 
   Y4mReader images_;
+  Coding coding_;
   std::vector<std::uint8_t> grey_;
 };
 

@@ -78,6 +78,10 @@ Lens read_lens(TomlTable table, int width_px, int height_px) {
   return lens;
 }
 
+Coding read_coding(TomlTable& table) {
+  return table.choice("coding", {"linear", "srgb"}, "linear") == "srgb" ? Coding::kSrgb : Coding::kLinear;
+}
+
 std::string lens_toml(const Lens& lens) {
   const LensNumbers numbers = lens_numbers(lens);
   const std::span<const double> all(numbers);
@@ -90,6 +94,12 @@ SessionInfo read_session_info(const std::filesystem::path& folder) {
   SessionInfo info;
   info.description = table.text("description", "");
   info.complete = table.flag("complete", true);
+  info.coding = read_coding(table);
+  info.from_rest = table.flag("from_rest", false);
+  if (table.has("gravity_g")) {
+    const auto g = table.numbers("gravity_g", 3, -100, 100);
+    info.gravity_g = Eigen::Vector3d(g[0], g[1], g[2]).cast<float>();
+  }
   const auto width_px = static_cast<int>(table.integer("width_px", 1, Y4mReader::kMaxSide));
   const auto height_px = static_cast<int>(table.integer("height_px", 1, Y4mReader::kMaxSide));
   info.frames_per_second = table.number("frames_per_second", 1, 1000);
@@ -114,9 +124,22 @@ void check_markers(const SessionInfo& info, const std::filesystem::path& folder,
   }
 }
 
+namespace {
+
+std::string gravity_toml(const std::optional<Vec3f>& g) {
+  if (!g) return "";
+  const std::array<double, 3> numbers = {static_cast<double>(g->x()), static_cast<double>(g->y()),
+                                         static_cast<double>(g->z())};
+  return "\ngravity_g = " + list(numbers) + "  # of things that fall, in the finger frame; the finger does not turn";
+}
+
+}  // namespace
+
 std::string session_info_toml(const SessionInfo& info) {
   const auto id = [&](int plate) { return std::to_string(info.marker_id[plate]); };
   return "description = " + quoted(info.description) + (info.complete ? "" : "\ncomplete = false") +
+         (info.from_rest ? "\nfrom_rest = true  # as in the finger's pack: no zero is needed" : "") +
+         gravity_toml(info.gravity_g) + (info.coding == Coding::kSrgb ? "\ncoding = \"srgb\"" : "") +
          "\nwidth_px = " + std::to_string(info.lens.width_px) + "\nheight_px = " + std::to_string(info.lens.height_px) +
          "\nframes_per_second = " + shortest(info.frames_per_second) + "\n\n[camera]  # pixels; OpenCV's convention\n" +
          lens_toml(info.lens) +

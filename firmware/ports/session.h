@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -30,11 +31,17 @@ struct SessionInfo {
   std::array<int, kPlates> marker_id{};  ///< top, middle, low
   double marker_size_mm = 0;             ///< side of the black square
   std::string description;               ///< what was recorded
-  bool complete = true;                  ///< false: the recording was cut off; its last frame may be half written
+  /// The acceleration of things that fall, in the finger frame and in g, if the finger did not turn meanwhile.
+  std::optional<Vec3f> gravity_g = std::nullopt;
+  Coding coding = Coding::kLinear;
+  bool from_rest = false;  ///< nothing differs at rest from the finger's pack: no zero is needed
+  bool complete = true;    ///< false: the recording was cut off; its last frame may be half written
 };
 /// The lens of images of this size: keys fx_fy_cx_cy and k1_k2_p1_p2_k3 of a table, the same in session.toml, in a
 /// board file, and in a file of its own. Strict; width_px and height_px may stand beside them if they are the images'.
 Lens read_lens(TomlTable table, int width_px, int height_px);
+/// Key coding of a table: "linear" (the default) or "srgb".
+Coding read_coding(TomlTable& table);
 /// The lines that read_lens() reads, without the size.
 std::string lens_toml(const Lens& lens);
 /// Strict: unknown keys, wrong types, numbers that cannot be a lens or repeated marker ids throw InputError.

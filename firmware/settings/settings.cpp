@@ -37,6 +37,7 @@ void read_live(TomlTable& table, Settings& settings) {
   live.width_px = static_cast<int>(table.integer("width_px", 16, Y4mReader::kMaxSide));
   live.height_px = static_cast<int>(table.integer("height_px", 16, Y4mReader::kMaxSide));
   live.frames_per_second = table.number("frames_per_second", 1, 1000);
+  live.coding = read_coding(table);
   if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
   if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);
   live.stall_ms = static_cast<int>(table.integer("stall_ms", 50, 60'000, 500));
@@ -291,6 +292,17 @@ void read_device(TomlTable table, Settings& settings) {
   table.finish();
 }
 
+void read_gravity(TomlTable table, Settings& settings) {
+  const bool is_fixed = table.choice("from", {"fixed", "registers"}) == "fixed";
+  if (is_fixed) {
+    const auto g = table.numbers("direction_g", 3, -1.01, 1.01);
+    settings.fixed_g = Eigen::Vector3d(g[0], g[1], g[2]).cast<float>();
+  } else {
+    settings.gravity_max_age_ms = static_cast<int>(table.integer("max_age_ms", 10, 60'000, 500));
+  }
+  table.finish();
+}
+
 void read_storage(TomlTable table, Settings& settings) {
   if (table.has("settings")) settings.saved_state = table.path("settings");
   if (table.has("recordings")) settings.recordings = table.path("recordings");
@@ -335,6 +347,7 @@ Settings read_settings(const SettingsFiles& files) {
       root.number("grip_change", 0, grip_change.highest * grip_change.scale, grip_change.factory * grip_change.scale) /
       grip_change.scale));
   settings.loop.smoothing_ms = static_cast<double>(root.integer("smoothing_ms", 0, 1000, 0));
+  if (root.has("gravity")) read_gravity(root.table("gravity"), settings);
   if (root.has("storage")) read_storage(root.table("storage"), settings);
   if (root.has("realtime")) read_realtime(root.table("realtime"), settings.realtime);
   if (root.has("network")) read_network(root.table("network"), settings.network);

@@ -56,6 +56,8 @@ struct Settings {
   std::filesystem::path recordings;   ///< where sessions are recorded; empty: nowhere
   int record_max_s = 600;             ///< a recording ends by itself after this
   int record_reserve_mb = 100;        ///< room on the disk that recordings leave free
+  std::optional<Vec3f> fixed_g;       ///< see LoopSettings; nothing: the board file does not say it
+  int gravity_max_age_ms = 0;         ///< how long gravity written by a client holds; 0: no client writes it
   RealtimeSettings realtime;
   NetworkSettings network;
   std::optional<PageSettings> page;                   ///< nothing: there is no page

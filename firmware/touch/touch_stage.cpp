@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 
 #include "firmware/touch/features.h"
 #include "firmware/touch/int8_network.h"
@@ -19,6 +20,13 @@ constexpr float kShiftPerShake = 0.75F;
 float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
 
 float log_float(float x) { return static_cast<float>(std::log(static_cast<double>(x))); }
+
+// Motions far beyond those of any finger overflow somewhere in the network.
+bool is_finite(const Touch& touch) {
+  return touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(touch.radius_68_mm) &&
+         touch.force_vector_n.allFinite() && touch.force_vector_sigma_n.allFinite() && touch.moment_nm.allFinite() &&
+         touch.moment_sigma_nm.allFinite() && std::isfinite(touch.explained);
+}
 
 }  // namespace
 
@@ -38,23 +46,30 @@ TouchStage::TouchStage(const Model& model) : TouchStage(model.touch) {
   }
 }
 
-TouchStage::TouchStage(const TouchModel& model) : model_(model) {
+TouchStage::TouchStage(const TouchModel& model, float largest_told) : model_(model), largest_told_(largest_told) {
   assert(model.layers[0].inputs == TouchModel::kInputs && model.layers[2].outputs == TouchModel::kOutputs);
   assert(model.layers[1].inputs == model.layers[0].outputs && model.layers[2].inputs == model.layers[1].outputs);
   for (std::size_t i = 0; i < 2; ++i) hidden_[i].resize(static_cast<std::size_t>(model.layers[i].outputs));
 }
 
-Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, float shaken_mm) {
-  Touch touch;
-  if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !motion.allFinite()) return touch;
+Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt) {
+  Touch nothing;
+  if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !motion.allFinite()) return nothing;
   for (const PlateMotion& plate : poses.plates) {
-    touch.plate_motion_mm = std::max(touch.plate_motion_mm, plate.displacement_mm.norm());
+    nothing.plate_motion_mm = std::max(nothing.plate_motion_mm, plate.displacement_mm.norm());
   }
-  if (touch.plate_motion_mm < model_.threshold_mm) return touch;
-  touch.over_range = touch.plate_motion_mm > model_.range_mm;
-  if (touch.over_range) return touch;
-  const Touch located = run_network(poses, motion, touch.plate_motion_mm, shaken_mm);
-  return located.quality == Quality::kFresh ? located : touch;
+  if (nothing.plate_motion_mm < model_.threshold_mm) return nothing;
+  nothing.over_range = nothing.plate_motion_mm > model_.range_mm;
+  if (nothing.over_range) return nothing;
+  Touch touch = read(run_network(poses, motion), nothing.plate_motion_mm);
+  if (!is_finite(touch)) return nothing;
+  widen(poses, motion, doubt, touch);
+  nothing.explained = touch.explained;
+  nothing.unexplained = touch.explained < model_.explained_above;
+  if (nothing.unexplained || !is_finite(touch) || !is_on_face(touch)) return nothing;
+  withhold_untold(touch);
+  touch.quality = Quality::kFresh;
+  return touch;
 }
 
 // For plate motions that no touch causes (a shaken hand, a knocked camera) the network may answer anything.
@@ -65,37 +80,26 @@ bool TouchStage::is_on_face(const Touch& touch) const {
 }
 
 // The wrench's force is the same vector in the base's frame. Its components' errors are taken as independent there,
-// too.
-void TouchStage::read_forces(std::span<const float, TouchModel::kOutputs> outputs, Touch& touch) const {
-  const auto exp_of = [&](std::size_t i) { return exp_float(outputs[i]); };
+// too. How hard a finger is pushed to bend so far goes with its stiffness.
+void TouchStage::read_forces(const Outputs& outputs, Touch& touch) const {
   constexpr std::size_t kForce = 6, kMoment = 9, kForceSigma = TouchModel::kMeans + 3, kMomentSigma = kForceSigma + 3;
+  const auto with_stiffness = [&](float log_sigma, float value) {
+    const float sigma = exp_float(log_sigma), of_stiffness = model_.stiffness_tolerance * value;
+    return std::sqrt(sigma * sigma + of_stiffness * of_stiffness);
+  };
   for (int i = 0; i < 3; ++i) {
     const auto k = static_cast<std::size_t>(i);
     touch.force_vector_n[i] = outputs[kForce + k];
-    touch.force_vector_sigma_n[i] = exp_of(kForceSigma + k);
+    touch.force_vector_sigma_n[i] = with_stiffness(outputs[kForceSigma + k], touch.force_vector_n[i]);
     touch.moment_nm[i] = outputs[kMoment + k];
-    touch.moment_sigma_nm[i] = exp_of(kMomentSigma + k);
+    touch.moment_sigma_nm[i] = with_stiffness(outputs[kMomentSigma + k], touch.moment_nm[i]);
   }
-  touch.force_vector_n[0] = std::max(touch.force_vector_n[0], 0.0f);  // objects push; they do not pull
-  touch.force_n = touch.force_vector_n[0];
-  touch.force_sigma_n = touch.force_vector_sigma_n[0];
+  touch.force_vector_n[0] = std::max(touch.force_vector_n[0], 0.0f);      // objects push; they do not pull
   const Eigen::Map<const Eigen::Matrix3f> axes(model_.face_axes.data());  // columns: normal, across, along
   touch.wrench_force_n = axes * touch.force_vector_n;
-  touch.wrench_force_sigma_n = (axes.cwiseAbs2() * touch.force_vector_sigma_n.cwiseAbs2()).cwiseSqrt();
 }
 
-Touch TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion, float plate_motion_mm,
-                              float shaken_mm) {
-  std::array<float, TouchModel::kInputs> inputs;
-  std::array<float, TouchModel::kOutputs> outputs;
-  touch_features(model_, motion, network_noise(poses), inputs);
-  forward(model_.layers[0], inputs, hidden_[0], true);
-  forward(model_.layers[1], hidden_[0], hidden_[1], true);
-  forward(model_.layers[2], hidden_[1], outputs, false);
-  for (std::size_t i = 0; i < outputs.size(); ++i) {
-    outputs[i] = model_.output_mean[i] + model_.output_scale[i] * outputs[i];
-  }
-
+Touch TouchStage::read(const Outputs& outputs, float plate_motion_mm) const {
   Touch touch;
   touch.plate_motion_mm = plate_motion_mm;
   touch.point_mm = Vec3f(outputs[0], outputs[1], outputs[2]);
@@ -104,16 +108,68 @@ Touch TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion,
   const float* log_sigma = &outputs[TouchModel::kMeans];
   const Vec3f sigma_mm(exp_float(log_sigma[0]), exp_float(log_sigma[1]), exp_float(log_sigma[2]));
   touch.radius_68_mm = calibrated_radius_mm(model_.radius_curve, plate_motion_mm, sigma_mm.norm());
-  if (shaken_mm > 0) {
-    const float shift_mm = kShiftPerShake * shaken_mm;
-    touch.radius_68_mm = std::sqrt(touch.radius_68_mm * touch.radius_68_mm + shift_mm * shift_mm);
-  }
-  // Motions far beyond those of any finger overflow somewhere in the network.
-  const bool finite = touch.point_mm.allFinite() && touch.contact_mm.allFinite() && std::isfinite(touch.radius_68_mm) &&
-                      touch.force_vector_n.allFinite() && touch.force_vector_sigma_n.allFinite() &&
-                      touch.moment_nm.allFinite() && touch.moment_sigma_nm.allFinite();
-  if (finite && is_on_face(touch)) touch.quality = Quality::kFresh;
+  touch.explained = outputs.back();
   return touch;
+}
+
+const TouchStage::Outputs& TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion) {
+  std::array<float, TouchModel::kInputs> inputs;
+  touch_features(model_, motion, network_noise(poses), inputs);
+  forward(model_.layers[0], inputs, hidden_[0], true);
+  forward(model_.layers[1], hidden_[0], hidden_[1], true);
+  forward(model_.layers[2], hidden_[1], outputs_, false);
+  for (std::size_t i = 0; i < outputs_.size(); ++i) {
+    outputs_[i] = model_.output_mean[i] + model_.output_scale[i] * outputs_[i];
+  }
+  return outputs_;
+}
+
+void TouchStage::widen(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt, Touch& touch) {
+  float point_sq = 0;
+  Vec3f force_sq = Vec3f::Zero(), moment_sq = Vec3f::Zero();
+  if (doubt.shaken_mm > 0) point_sq += kShiftPerShake * kShiftPerShake * doubt.shaken_mm * doubt.shaken_mm;
+  const auto ask = [&](const PoseVector& change) {
+    const Touch other = read(run_network(poses, motion + change), touch.plate_motion_mm);
+    point_sq += (other.point_mm - touch.point_mm).squaredNorm();
+    force_sq += (other.force_vector_n - touch.force_vector_n).cwiseAbs2();
+    moment_sq += (other.moment_nm - touch.moment_nm).cwiseAbs2();
+    touch.explained = std::max(touch.explained, other.explained);  // something of that may be the explanation
+  };
+  if (doubt.unknown_g > 0) {
+    const Eigen::Map<const Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor>> per_g(model_.per_g.data());
+    for (int axis = 0; axis < 3; ++axis) ask(doubt.unknown_g * per_g.col(axis));
+  }
+  for (int i = 0; i < kPoseDims && !doubt.is_from_rest; ++i) {
+    ask((i % 6 < 3 ? model_.marker_tolerance_mm : model_.marker_tolerance_rad) * PoseVector::Unit(i));
+  }
+  touch.radius_68_mm = std::sqrt(touch.radius_68_mm * touch.radius_68_mm + point_sq);
+  touch.force_vector_sigma_n = (touch.force_vector_sigma_n.cwiseAbs2() + force_sq).cwiseSqrt();
+  touch.moment_sigma_nm = (touch.moment_sigma_nm.cwiseAbs2() + moment_sq).cwiseSqrt();
+  const Eigen::Map<const Eigen::Matrix3f> axes(model_.face_axes.data());
+  touch.wrench_force_sigma_n = (axes.cwiseAbs2() * touch.force_vector_sigma_n.cwiseAbs2()).cwiseSqrt();
+  touch.force_n = touch.force_vector_n[0];
+  touch.force_sigma_n = touch.force_vector_sigma_n[0];
+}
+
+// A deviation nearly as large as the spread of the touches that were learnt says that the plates do not tell the
+// number: of friction along the face they hardly tell anything, since a push further up moves them alike.
+void TouchStage::withhold_untold(Touch& touch) const {
+  constexpr std::size_t kForce = 6, kMoment = 9;
+  const auto spread = [&](std::size_t first) {
+    return Vec3f(model_.output_scale[first], model_.output_scale[first + 1], model_.output_scale[first + 2]);
+  };
+  const auto withhold = [&](const Vec3f& learnt, Vec3f& value, Vec3f& sigma) {
+    for (int i = 0; i < 3; ++i) {
+      if (sigma[i] <= largest_told_ * learnt[i]) continue;
+      value[i] = sigma[i] = std::numeric_limits<float>::quiet_NaN();
+    }
+  };
+  const Eigen::Map<const Eigen::Matrix3f> axes(model_.face_axes.data());
+  const Vec3f force_spread_n = spread(kForce);
+  withhold((axes.cwiseAbs2() * force_spread_n.cwiseAbs2()).cwiseSqrt(), touch.wrench_force_n,
+           touch.wrench_force_sigma_n);
+  withhold(force_spread_n, touch.force_vector_n, touch.force_vector_sigma_n);
+  withhold(spread(kMoment), touch.moment_nm, touch.moment_sigma_nm);
 }
 
 }  // namespace finsight

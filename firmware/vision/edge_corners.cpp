@@ -34,7 +34,26 @@ struct EdgePoints {
   std::size_t count = 0;
 };
 
-/// Where the grey level rises from ink to paper along a profile, as a share of the reach (-1 ... 1).
+/// Light (0 ... 255) by coded grey level.
+std::array<float, 257> srgb_light() {
+  std::array<float, 257> light{};
+  for (std::size_t i = 0; i < light.size(); ++i) {
+    const double coded = static_cast<double>(i) / 255;
+    const double linear = coded <= 0.04045 ? coded / 12.92 : std::pow((coded + 0.055) / 1.055, 2.4);
+    light[i] = static_cast<float>(255 * linear);
+  }
+  return light;
+}
+
+float light_of(float grey, Coding coding) {
+  if (coding == Coding::kLinear) return grey;
+  static const std::array<float, 257> kLight = srgb_light();
+  const auto below = static_cast<std::size_t>(grey);  // 0 ... 255
+  const float share = grey - static_cast<float>(below);
+  return kLight[below] * (1 - share) + kLight[below + 1] * share;
+}
+
+/// Where the light rises from ink to paper along a profile, as a share of the reach (-1 ... 1).
 bool find_rise(const ImageView& image, const Vec2f& centre, const Vec2f& reach, int steps, float& share) {
   // The centroid of the rise, tapered towards the ends: noise and neighbouring modules count little there. What the
   // taper cuts off one side of the rise vanishes as the rounds centre the profile on it.
@@ -42,7 +61,7 @@ bool find_rise(const ImageView& image, const Vec2f& centre, const Vec2f& reach, 
   float before = 0, rise = 0, moment = 0;
   for (int i = -steps; i <= steps; ++i) {
     const float at = static_cast<float>(i) * step;
-    const float grey = image.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y());
+    const float grey = light_of(image.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y()), image.coding);
     if (i > -steps) {
       const float middle = at - step / 2;
       const float weighted = (1 - middle * middle) * (grey - before);

@@ -4,12 +4,15 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "firmware/types.h"
+
 namespace finsight {
 
 /// 8 bit grey levels, row by row; pixel (x, y) is `pixels[y * stride_bytes + x]` and its centre lies at (x, y).
 struct ImageView {
   const std::uint8_t* pixels = nullptr;
   int width_px = 0, height_px = 0, stride_bytes = 0;
+  Coding coding = Coding::kLinear;
 
   const std::uint8_t* at(int x, int y) const { return pixels + static_cast<std::ptrdiff_t>(y) * stride_bytes + x; }
 

@@ -73,7 +73,7 @@ const MarkerCorners& MarkerStage::find(const Frame& frame) {
     missed_.fill(kNotFollowed);
     return corners_;
   }
-  const ImageView image{frame.grey, frame.width_px, frame.height_px, frame.stride_bytes};
+  const ImageView image{frame.grey, frame.width_px, frame.height_px, frame.stride_bytes, frame.coding};
   follow(image);
 
   bool any = false, lost = false, missing = false;
@@ -107,7 +107,7 @@ void MarkerStage::follow(const ImageView& image) {
     const int top = std::max(0, static_cast<int>(low.y() - margin));
     const int right = std::min(image.width_px, static_cast<int>(high.x() + margin) + 1);
     const int bottom = std::min(image.height_px, static_cast<int>(high.y() + margin) + 1);
-    const ImageView window{image.at(left, top), right - left, bottom - top, image.stride_bytes};
+    const ImageView window{image.at(left, top), right - left, bottom - top, image.stride_bytes, image.coding};
     const Vec2f offset(static_cast<float>(left), static_cast<float>(top));
     corners_.seen[p] = take(image, detector_.find(window, shrink_for(shortest_px), sides_), offset, p);
   }

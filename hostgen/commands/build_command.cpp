@@ -57,8 +57,6 @@ struct Parts {
   PlatePriorData prior;
   TouchTraining touch;
   ShapeMapData map, contact_map;
-  std::unique_ptr<const PushedFinger> finger;  ///< where the scene needs them
-  std::unique_ptr<const LinearResponse> response;
 };
 
 PackViews views_of(const Parts& parts, const Options& options) {
@@ -158,14 +156,9 @@ void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
   }
 }
 
-/// One frictionless push at a point is what a StateInterpolant can tell from neighbouring states. Other scenes have
-/// more to vary than neighbours can cover.
-TouchSource training_touches(Parts& parts, const TetMesh& mesh, const DatasetPlan& plan) {
-  const Scene& scene = parts.spec.scene(plan.scene);
-  if (scene.friction == 0 && scene.patch_radius_mm == 0 && scene.line_share == 0 && scene.contacts == 1) return {};
-  parts.finger = std::make_unique<const PushedFinger>(parts.spec, mesh);
-  parts.response = std::make_unique<const LinearResponse>(*parts.finger);
-  return touches_around_states(*parts.finger, *parts.response, plan);
+std::vector<float> motion_per_g(const LinearResponse& response) {
+  const Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor> per_g = response.per_g().cast<float>();
+  return {per_g.data(), per_g.data() + per_g.size()};
 }
 
 void run(const Options& options) {
@@ -203,8 +196,11 @@ void run(const Options& options) {
 
   Stopwatch training_time;
   parts.prior = fit_plate_prior(dataset, parts.spec.noise);
+  const PushedFinger finger(parts.spec, mesh);
+  const LinearResponse response(finger);
   parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps},
-                            training_touches(parts, mesh, dataset.plan));
+                            touches_of_scene(finger, response, dataset.plan));
+  parts.touch.model.per_g = motion_per_g(response);
   figures.training_seconds = training_time.lap_s();
   figures.touch = &parts.touch;
   std::printf("%s", parts.touch.log.c_str());

@@ -30,9 +30,9 @@ Shard parse_shard(const std::string& text) {
 }
 
 void print_summary(const std::filesystem::path& file, const FemDataset& dataset) {
-  std::printf("%s: %zu states: %zu valid, %zu pushed too far, %zu without equilibrium\n", file.c_str(),
-              dataset.states.size(), dataset.count(Outcome::kEquilibrium), dataset.count(Outcome::kPushedTooFar),
-              dataset.count(Outcome::kNoEquilibrium));
+  std::printf("%s: %zu states: %zu valid, %zu pushed too far, %zu without equilibrium; %zu of other scenes\n",
+              file.c_str(), dataset.states.size(), dataset.count(Outcome::kEquilibrium),
+              dataset.count(Outcome::kPushedTooFar), dataset.count(Outcome::kNoEquilibrium), dataset.others.size());
 }
 
 void run(const Options& options) {

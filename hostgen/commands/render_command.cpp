@@ -28,7 +28,7 @@ constexpr int kFramesPerSecond = 60;
 
 struct Options {
   fs::path spec, output;
-  std::string size = "640x480", preset = "lab", motion = "wander", event = "none";
+  std::string size = "640x480", preset = "lab", coding = "linear", motion = "wander", event = "none";
   double seconds = 12;
   std::uint64_t seed = 1;
 };
@@ -86,7 +86,10 @@ SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options
                    .marker_size_mm = spec.marker_size_mm,
                    .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " +
                                   options.motion + ", event " + options.event + ", seed " +
-                                  std::to_string(options.seed)};
+                                  std::to_string(options.seed),
+                   .gravity_g = Vec3f(0, 0, 0),  // what is rendered has no weight
+                   .coding = options.coding == "srgb" ? Coding::kSrgb : Coding::kLinear,
+                   .from_rest = true};
   for (int plate = 0; plate < kPlates; ++plate) info.marker_id[plate] = spec.plates[plate].marker_id;
   return info;
 }
@@ -130,7 +133,8 @@ std::string truth_csv(const std::vector<FemState>& states) {
 
 void write_images(const fs::path& file, const FingerSpec& spec, const Lens& camera, const std::vector<FemState>& states,
                   const Options& options) {
-  const ImageQuality quality = image_preset(options.preset);
+  ImageQuality quality = image_preset(options.preset);
+  quality.srgb = options.coding == "srgb";
   Renderer renderer(spec, camera, quality, 2 * options.seed + 1);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, value_of(session_events(), options.event));
   Y4mWriter writer(file, camera.width_px, camera.height_px, kFramesPerSecond);
@@ -184,6 +188,9 @@ void add_render_command(CLI::App& app) {
   command->add_option("-o,--output", options->output, "session folder to write")->required();
   command->add_option("--size", options->size, "1280x720 (55 MB per second) or 640x480 (18 MB per second)")
       ->check(CLI::IsMember(kCameraOfSize))
+      ->capture_default_str();
+  command->add_option("--coding", options->coding, "how grey levels stand for light")
+      ->check(CLI::IsMember({"linear", "srgb"}))
       ->capture_default_str();
   command->add_option("--preset", options->preset, "quality of the images")
       ->check(CLI::IsMember(image_presets()))

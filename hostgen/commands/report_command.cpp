@@ -50,6 +50,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     return figures;
   }
   if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.folder, options.quick);
+  if (area == "scene") return measure_scenes(model, read_finger_spec(options.spec), options.folder, options.quick);
   if (area == "force") return measure_force(read_finger_spec(options.spec), options.folder, options.quick);
   if (area == "real") return measure_real(model, options.recordings, options.folder, options.quick);
   const nlohmann::json built = read_build_figures(options.pack);  // fem and touch were measured when the pack was made

@@ -63,12 +63,14 @@ std::vector<Sample> line(const FaceContact& contact, double half_width_mm) {
 Eigen::Matrix3d face_axes(const Eigen::Vector3d& inward) {
   Eigen::Matrix3d axes;
   axes.col(0) = inward;
-  axes.col(1) = (Eigen::Vector3d::UnitX() - inward * inward.x()).normalized();
+  const Eigen::Vector3d x = std::abs(inward.x()) < 0.9 ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitZ();
+  axes.col(1) = (x - inward * inward.dot(x)).normalized();
   axes.col(2) = inward.cross(axes.col(1));
   return axes;
 }
 
 std::vector<PressureSpot> pressure_spots(const PushedFinger& finger, const FaceContact& contact, double normal_n) {
+  if (contact.side != Side::kFront) return {{finger.at(contact.centre_mm, contact.side), 1}};
   const bool is_line = contact.half_length_mm > 0;
   double radius_mm = contact.radius_mm;
   if (contact.pressure == Pressure::kRound) {
@@ -100,7 +102,8 @@ ContactLoad::ContactLoad(const PushedFinger& finger, const std::vector<FaceConta
     patch.contact = contact;
     for (int i = 0; i < kRingPoints; ++i) {
       const double angle = 2 * std::numbers::pi * i / kRingPoints;
-      patch.ring.push_back(finger.at(contact.centre_mm + kRing_mm * Eigen::Vector2d(std::cos(angle), std::sin(angle))));
+      const Eigen::Vector2d away_mm(kRing_mm * std::cos(angle), kRing_mm * std::sin(angle));
+      patch.ring.push_back(finger.at(contact.centre_mm + away_mm, contact.side));
     }
     if (pressure_spots(finger, contact, contact.full_force_n).empty())
       throw std::invalid_argument("contact beside the touched face");

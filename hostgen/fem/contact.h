@@ -13,7 +13,8 @@ namespace finsight::host {
 enum class Pressure { kRound, kEven, kFlatEnd };
 
 struct FaceContact {
-  Eigen::Vector2d centre_mm = Eigen::Vector2d::Zero();  ///< x and y on the undeformed face
+  Side side = Side::kFront;                             ///< elsewhere it is a point
+  Eigen::Vector2d centre_mm = Eigen::Vector2d::Zero();  ///< of the undeformed finger, on the face x and y (side_axes)
   double half_length_mm = 0;                            ///< of a line: half of it; 0: the patch is a disc
   double radius_mm = 0;     ///< of the disc, or half the line's width, at `full_force_n`; 0: a point, or a thin line
   double angle_rad = 0;     ///< of the line, from the finger's x towards y
@@ -26,7 +27,8 @@ struct FaceContact {
   double share = 1;  ///< of the normal forces of all contacts
 };
 
-/// The directions in which forces on the face are told, at rest: columns inward normal, across (x), along.
+/// The directions in which forces on a face are told, at rest: columns inward normal, across (x; on the sides z),
+/// along.
 Eigen::Matrix3d face_axes(const Eigen::Vector3d& inward);
 
 /// What contacts do to a finger in one state. Forces in N, moments in N mm about the finger frame's origin.

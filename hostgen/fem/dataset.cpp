@@ -1,6 +1,7 @@
 #include "hostgen/fem/dataset.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "firmware/input_error.h"
@@ -31,6 +32,7 @@ std::int32_t nearest_front_node(const TetMesh& mesh, const Vec3f& point_mm) {
 FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan) {
   return {.spec_sha256 = spec.sha256,
           .states = {},
+          .others = {},
           .node_displacement_mm = {},
           .mesh_nodes = mesh.node_mm.size(),
           .plan = plan,
@@ -39,10 +41,9 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
 
 // A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
 // state that was found; so do the higher forces of its path, which are not tried.
-void walk_path(FingerStatics& statics, const LinearResponse& response, const TetMesh& mesh,
-               const std::vector<FaceContact>& contacts, std::int32_t index, const std::array<double, 2>& range_n,
-               FemDataset& path) {
-  statics.begin(contacts);
+void walk_path(FingerStatics& statics, const LinearResponse& response, const TetMesh& mesh, const LoadPath& load,
+               std::int32_t index, const std::array<double, 2>& range_n, FemDataset& path) {
+  statics.begin(load.contacts);
   Outcome outcome = Outcome::kEquilibrium;
   for (int k = 0; k < path.plan.forces; ++k) {
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
@@ -53,11 +54,31 @@ void walk_path(FingerStatics& statics, const LinearResponse& response, const Tet
     state.path = index;
     state.front_node = nearest_front_node(mesh, state.point_mm);
     state.force_n = static_cast<float>(force_n);
+    state.scene = load.scene;
     state.outcome = outcome;
+    if (load.scene > 0) {
+      path.others.push_back(state);
+      continue;
+    }
     path.states.push_back(state);
     const std::vector<double> displacement = statics.node_displacement_mm();
     path.node_displacement_mm.insert(path.node_displacement_mm.end(), displacement.begin(), displacement.end());
   }
+}
+
+std::vector<std::string> other_names(const DatasetPlan& plan) {
+  std::vector<std::string> names;
+  for (const Scene& scene : common_scenes()) names.push_back(scene.name);
+  const auto at = std::ranges::find(names, plan.scene);
+  names.erase(names.begin(), at == names.end() ? names.end() - 2 : at + 1);
+  return names;
+}
+
+/// Points of each of them.
+int points_of_other(const DatasetPlan& plan) {
+  constexpr double kShare = 0.4;  // of all others, relative to the points of the plan's scene
+  const auto others = static_cast<double>(std::max<std::size_t>(1, other_names(plan).size()));
+  return std::max(1, static_cast<int>(std::lround(kShare * plan.points / others)));
 }
 
 std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t index) {
@@ -68,13 +89,30 @@ std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t
 
 }  // namespace
 
-std::vector<std::vector<FaceContact>> path_contacts(const FingerSpec& spec, const DatasetPlan& plan) {
-  std::vector<std::vector<FaceContact>> paths;
-  for (const Vec3f& place : touch_points(spec, plan.points)) {
-    Random random(paths.size());
-    paths.push_back(draw_contacts(spec, spec.scene(plan.scene), place.head<2>().cast<double>(), random));
-  }
+std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan) {
+  std::vector<Scene> others;
+  for (const std::string& name : other_names(plan)) others.push_back(spec.scene(name));
+  return others;
+}
+
+std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan) {
+  std::vector<LoadPath> paths;
+  const auto add = [&](const Scene& scene, int points, std::size_t number) {
+    for (const Vec3f& place : touch_points(spec, points)) {
+      Random random(paths.size());
+      paths.push_back(
+          {draw_contacts(spec, scene, place.head<2>().cast<double>(), random), static_cast<std::uint8_t>(number)});
+    }
+  };
+  add(spec.scene(plan.scene), plan.points, 0);
+  const std::vector<Scene> others = other_scenes(spec, plan);
+  for (std::size_t k = 0; k < others.size(); ++k) add(others[k], points_of_other(plan), k + 1);
   return paths;
+}
+
+std::size_t path_count(const DatasetPlan& plan) {
+  const auto others = static_cast<int>(other_names(plan).size());
+  return static_cast<std::size_t>(plan.points + others * points_of_other(plan));
 }
 
 std::size_t FemDataset::count(Outcome outcome) const {
@@ -85,12 +123,12 @@ std::size_t FemDataset::count(Outcome outcome) const {
 FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const DatasetPlan& plan, const Shard& shard,
                         const std::filesystem::path& resume) {
   const FemDataset empty = empty_set(spec, mesh, plan);
+  const std::vector<LoadPath> loads = load_paths(spec, plan);
   std::vector<std::size_t> indices;
   const auto first = static_cast<std::size_t>(shard.index), stride = static_cast<std::size_t>(shard.count);
-  for (std::size_t i = first; i < static_cast<std::size_t>(plan.points); i += stride) indices.push_back(i);
+  for (std::size_t i = first; i < loads.size(); i += stride) indices.push_back(i);
   const auto finger = std::make_shared<const PushedFinger>(spec, mesh);
   const LinearResponse response(*finger);
-  const std::vector<std::vector<FaceContact>> contacts = path_contacts(spec, plan);
   std::vector<FemDataset> paths(indices.size(), empty);
   {
     Progress progress("finite-element load paths", indices.size());
@@ -113,7 +151,7 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
           statics = std::make_unique<FingerStatics>(finger);
           owner = finger;
         }
-        walk_path(*statics, response, mesh, contacts[i], static_cast<std::int32_t>(i), spec.force_n, paths[slot]);
+        walk_path(*statics, response, mesh, loads[i], static_cast<std::int32_t>(i), spec.force_n, paths[slot]);
         if (!resume.empty()) write_dataset(file, paths[slot]);
       }
       progress.advance();

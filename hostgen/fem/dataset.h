@@ -31,6 +31,7 @@ struct FemState {
   std::array<PlateMotion, kPlates> plates;
   PoseVector linear = PoseVector::Zero();  ///< what the plates would do if the finger answered linearly to this load
   float front_rms_mm = 0;  ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
+  std::uint8_t scene = 0;  ///< 0: of the plan; else number of the other one, see other_scenes()
   Outcome outcome =
       Outcome::kEquilibrium;  ///< after a failure the path's higher forces are not tried and carry the same outcome
   bool valid() const { return outcome == Outcome::kEquilibrium; }
@@ -46,13 +47,26 @@ struct DatasetPlan {
   std::string scene = "probe";  ///< of the spec: what touches there
 };
 
-/// The contacts of every path, in their order. The same arguments give the same contacts.
-std::vector<std::vector<FaceContact>> path_contacts(const FingerSpec& spec, const DatasetPlan& plan);
+/// What a pack for the plan's scene meets as well and must not take for a touch of it: the common scenes after it, for
+/// a scene of the spec's own the last two.
+std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan);
+
+/// A load path: all its states have the same contacts.
+struct LoadPath {
+  std::vector<FaceContact> contacts;
+  std::uint8_t scene = 0;  ///< see FemState
+};
+/// All paths of a plan in their order: `plan.points` of its scene, then some of each other scene. The same arguments
+/// give the same contacts.
+std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan);
+/// How many they are.
+std::size_t path_count(const DatasetPlan& plan);
 
 /// States of some or all paths of a plan.
 struct FemDataset {
   std::string spec_sha256;
-  std::vector<FemState> states;             ///< ordered by path, then by force
+  std::vector<FemState> states;             ///< of the plan's scene, ordered by path, then by force
+  std::vector<FemState> others = {};        ///< the same of the other scenes; their paths go on counting
   std::vector<float> node_displacement_mm;  ///< [states][3 * mesh nodes]: displacement of every (corner) mesh node
   std::size_t mesh_nodes = 0;
   DatasetPlan plan = {};
@@ -61,6 +75,9 @@ struct FemDataset {
   /// States of each outcome.
   std::size_t count(Outcome outcome) const;
 };
+
+/// Those of the plan's scene, then the others'.
+std::vector<FemState> all_states(const FemDataset& dataset);
 
 /// Shard `index` (from 0) of `count` holds the paths index, index + count, ...
 struct Shard {

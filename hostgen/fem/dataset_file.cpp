@@ -16,7 +16,9 @@ constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
 // Force, point, contact, force vector, moment, spread, plates, linear response.
 constexpr std::size_t kStateNumbers = 1 + 3 + 3 + 3 + 3 + 1 + 2 * kPoseDims;
 constexpr std::size_t kPlateNumbers = kStateNumbers - 2 * kPoseDims;  // where those of the plates begin
-constexpr const char* kFormat = "3";
+constexpr const char* kFormat = "4";
+
+constexpr std::int32_t kMaxScene = 9;
 
 int count_in(const SafetensorsFile& in, const std::string& key) {
   const std::string& text = in.metadata(key);
@@ -25,27 +27,34 @@ int count_in(const SafetensorsFile& in, const std::string& key) {
   return count;
 }
 
-// Paths come in order, each whole, none left out.
-void check_all_paths(const FemDataset& dataset, const std::string& name) {
+// Paths come in order, each whole, none left out. `paths`: how many there should be.
+void check_all_paths(const FemDataset& dataset, std::size_t paths, const std::string& name) {
+  const std::vector<FemState> states = all_states(dataset);
   const auto forces = static_cast<std::size_t>(dataset.plan.forces);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(dataset.plan.points) * forces; ++i) {
+  for (std::size_t i = 0; i < paths * forces; ++i) {
     const int path = static_cast<int>(i / forces);
-    if (i >= dataset.states.size() || dataset.states[i].path != path) {
-      throw InputError(name,
-                       "path " + std::to_string(path) + " of " + std::to_string(dataset.plan.points) + " is missing");
+    if (i >= states.size() || states[i].path != path) {
+      throw InputError(name, "path " + std::to_string(path) + " of " + std::to_string(paths) + " is missing");
     }
   }
 }
 
 }  // namespace
 
+std::vector<FemState> all_states(const FemDataset& dataset) {
+  std::vector<FemState> all = dataset.states;
+  all.insert(all.end(), dataset.others.begin(), dataset.others.end());
+  return all;
+}
+
 void write_dataset(const std::filesystem::path& file, const FemDataset& dataset) {
-  const auto count = static_cast<std::int64_t>(dataset.states.size());
+  const std::vector<FemState> states = all_states(dataset);
+  const auto count = static_cast<std::int64_t>(states.size());
   std::vector<float> numbers;
   std::vector<std::int32_t> labels;
   std::vector<std::uint8_t> valid, outcome;
   const auto append = [&](const Vec3f& v) { numbers.insert(numbers.end(), v.data(), v.data() + 3); };
-  for (const FemState& state : dataset.states) {
+  for (const FemState& state : states) {
     numbers.push_back(state.force_n);
     append(state.point_mm);
     append(state.contact_mm);
@@ -57,7 +66,7 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
       append(plate.rotation_rad);
     }
     numbers.insert(numbers.end(), state.linear.begin(), state.linear.end());
-    labels.insert(labels.end(), {state.path, state.front_node});
+    labels.insert(labels.end(), {state.path, state.front_node, state.scene});
     valid.push_back(state.valid());
     outcome.push_back(static_cast<std::uint8_t>(state.outcome));
   }
@@ -74,10 +83,11 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
        "force_n, point_mm xyz, contact_mm xyz, force_vector_n xyz, moment_nmm xyz, spread_mm, top/middle/low "
        "displacement_mm xyz rotation_rad xyz, the same of the linear response"}};
   out.add("states", {count, kStateNumbers}, numbers);
-  out.add("path_and_front_node", {count, 2}, labels);
+  out.add("path_node_scene", {count, 3}, labels);
   out.add("valid", {count}, valid);
   out.add("outcome", {count}, outcome);
-  out.add("node_displacement_mm", {count, static_cast<std::int64_t>(dataset.mesh_nodes), 3},
+  out.add("node_displacement_mm",
+          {static_cast<std::int64_t>(dataset.states.size()), static_cast<std::int64_t>(dataset.mesh_nodes), 3},
           dataset.node_displacement_mm);
   out.write(file);
 }
@@ -89,12 +99,13 @@ FemDataset read_dataset(const std::filesystem::path& file) {
   }
   const auto numbers = in.tensor<float>("states", {-1, kStateNumbers});
   const auto count = static_cast<std::int64_t>(numbers.size() / kStateNumbers);
-  const auto labels = in.tensor<std::int32_t>("path_and_front_node", {count, 2});
+  const auto labels = in.tensor<std::int32_t>("path_node_scene", {count, 3});
   const auto outcome = in.tensor<std::uint8_t>("outcome", {count});
-  const auto displacement = in.tensor<float>("node_displacement_mm", {count, -1, 3});
+  const auto displacement = in.tensor<float>("node_displacement_mm", {-1, -1, 3});
 
   FemDataset dataset{.spec_sha256 = in.metadata("spec_sha256"),
                      .states = {},
+                     .others = {},
                      .node_displacement_mm = {displacement.begin(), displacement.end()},
                      .mesh_nodes = static_cast<std::size_t>(in.shape("node_displacement_mm")[1]),
                      .plan = {count_in(in, "points"), count_in(in, "forces"), in.metadata("scene")},
@@ -102,14 +113,19 @@ FemDataset read_dataset(const std::filesystem::path& file) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     const float* row = &numbers[kStateNumbers * i];
     if (outcome[i] > 2) in.refuse("outcome", std::to_string(outcome[i]), "0, 1 or 2");
-    if (labels[2 * i] < 0 || labels[2 * i] >= dataset.plan.points) {
-      in.refuse("path_and_front_node", std::to_string(labels[2 * i]), "a path below the number of points");
+    const std::int32_t* label = &labels[3 * i];
+    if (label[2] < 0 || label[2] > kMaxScene) {
+      in.refuse("path_node_scene", std::to_string(label[2]), "a scene from 0 to " + std::to_string(kMaxScene));
     }
-    if (labels[2 * i + 1] < 0 || static_cast<std::size_t>(labels[2 * i + 1]) >= dataset.mesh_nodes) {
-      in.refuse("path_and_front_node", std::to_string(labels[2 * i + 1]), "a node of the mesh");
+    if (label[0] < 0 || (label[0] < dataset.plan.points) != (label[2] == 0)) {
+      in.refuse("path_node_scene", "path " + std::to_string(label[0]) + " of scene " + std::to_string(label[2]),
+                "paths of the scene first, then those of others");
     }
-    FemState state{.path = labels[2 * i],
-                   .front_node = labels[2 * i + 1],
+    if (label[1] < 0 || static_cast<std::size_t>(label[1]) >= dataset.mesh_nodes) {
+      in.refuse("path_node_scene", std::to_string(label[1]), "a node of the mesh");
+    }
+    FemState state{.path = label[0],
+                   .front_node = label[1],
                    .force_n = row[0],
                    .point_mm = Eigen::Map<const Vec3f>(row + 1),
                    .contact_mm = Eigen::Map<const Vec3f>(row + 4),
@@ -118,25 +134,30 @@ FemDataset read_dataset(const std::filesystem::path& file) {
                    .spread_mm = row[13],
                    .plates = {},
                    .linear = Eigen::Map<const PoseVector>(row + kPlateNumbers + kPoseDims),
+                   .scene = static_cast<std::uint8_t>(label[2]),
                    .outcome = static_cast<Outcome>(outcome[i])};
     for (std::size_t p = 0; p < kPlates; ++p) {
       state.plates[p] = {Eigen::Map<const Vec3f>(row + kPlateNumbers + 6 * p),
                          Eigen::Map<const Vec3f>(row + kPlateNumbers + 3 + 6 * p)};
     }
-    dataset.states.push_back(state);
+    (state.scene == 0 ? dataset.states : dataset.others).push_back(state);
     const std::size_t first = i - i % static_cast<std::size_t>(dataset.plan.forces);
-    if (state.path != dataset.states[first].path) {
-      in.refuse("path_and_front_node", std::to_string(state.path), "all forces of a path together");
+    if (state.path != labels[3 * first]) {
+      in.refuse("path_node_scene", std::to_string(state.path), "all forces of a path together");
     }
   }
-  if (dataset.states.size() % static_cast<std::size_t>(dataset.plan.forces) != 0) {
+  if (static_cast<std::size_t>(count) % static_cast<std::size_t>(dataset.plan.forces) != 0) {
     in.refuse("states", std::to_string(count), "a multiple of the number of forces");
+  }
+  if (displacement.size() != 3 * dataset.mesh_nodes * dataset.states.size()) {
+    in.refuse("node_displacement_mm", std::to_string(displacement.size()) + " numbers", "those of every state");
   }
   return dataset;
 }
 
 void append(const FemDataset& part, FemDataset& whole) {
   whole.states.insert(whole.states.end(), part.states.begin(), part.states.end());
+  whole.others.insert(whole.others.end(), part.others.begin(), part.others.end());
   whole.node_displacement_mm.insert(whole.node_displacement_mm.end(), part.node_displacement_mm.begin(),
                                     part.node_displacement_mm.end());
 }
@@ -158,32 +179,42 @@ FemDataset merge_datasets(const std::vector<std::filesystem::path>& files) {
     shards.push_back(read_dataset(file));
     check_same_plan(shards.front(), shards.back(), file);
   }
-  // Where the states of each path begin: in which shard, at which state.
+  // Where the states of each path begin: in which shard, at which of its states.
   struct Place {
     std::size_t shard, state;
   };
   std::map<std::int32_t, Place> places;
   for (std::size_t s = 0; s < shards.size(); ++s) {
-    for (std::size_t i = 0; i < shards[s].states.size(); i += static_cast<std::size_t>(shards[s].plan.forces)) {
-      const auto [place, is_new] = places.try_emplace(shards[s].states[i].path, Place{s, i});
-      if (is_new) continue;
-      throw InputError(files[s].string(), "path " + std::to_string(place->first) + " is in " +
-                                              files[place->second.shard].string() + " as well");
+    const auto forces = static_cast<std::size_t>(shards[s].plan.forces);
+    for (const auto* states : {&shards[s].states, &shards[s].others}) {
+      for (std::size_t i = 0; i < states->size(); i += forces) {
+        const auto [place, is_new] = places.try_emplace((*states)[i].path, Place{s, i});
+        if (is_new) continue;
+        throw InputError(files[s].string(), "path " + std::to_string(place->first) + " is in " +
+                                                files[place->second.shard].string() + " as well");
+      }
     }
   }
   FemDataset whole = shards.front();
   whole.states.clear();
+  whole.others.clear();
   whole.node_displacement_mm.clear();
+  const auto count = static_cast<std::ptrdiff_t>(whole.plan.forces);
+  const auto size = static_cast<std::ptrdiff_t>(3 * whole.mesh_nodes);
   for (const auto& [path, place] : places) {
     const FemDataset& shard = shards[place.shard];
-    const auto from = static_cast<std::ptrdiff_t>(place.state), count = static_cast<std::ptrdiff_t>(shard.plan.forces);
-    const auto size = static_cast<std::ptrdiff_t>(3 * shard.mesh_nodes);
-    whole.states.insert(whole.states.end(), shard.states.begin() + from, shard.states.begin() + from + count);
+    const auto from = static_cast<std::ptrdiff_t>(place.state);
+    const bool is_other = path >= whole.plan.points;
+    const std::vector<FemState>& states = is_other ? shard.others : shard.states;
+    std::vector<FemState>& all = is_other ? whole.others : whole.states;
+    all.insert(all.end(), states.begin() + from, states.begin() + from + count);
+    if (is_other) continue;
     whole.node_displacement_mm.insert(whole.node_displacement_mm.end(),
                                       shard.node_displacement_mm.begin() + from * size,
                                       shard.node_displacement_mm.begin() + (from + count) * size);
   }
-  check_all_paths(whole, files.size() == 1 ? files.front().string() : std::to_string(files.size()) + " shards");
+  const std::string name = files.size() == 1 ? files.front().string() : std::to_string(files.size()) + " shards";
+  check_all_paths(whole, path_count(whole.plan), name);
   return whole;
 }
 
@@ -194,7 +225,7 @@ void check_complete(const FemDataset& dataset, const FingerSpec& spec, const Tet
   expected.mesh_sha256 = mesh_sha256(mesh);
   expected.plan = dataset.plan;
   check_same_plan(expected, dataset, file);
-  check_all_paths(dataset, file.string());
+  check_all_paths(dataset, path_count(dataset.plan), file.string());
 }
 
 std::string mesh_sha256(const TetMesh& mesh) {

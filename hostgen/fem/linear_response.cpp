@@ -11,9 +11,6 @@ namespace {
 // as much of what is left.
 constexpr int kRefinements = 6;
 
-/// Weights of a tet's ten nodes in the integral of a constant over it (corners -1/20, middles 1/5: exact for C3D10).
-constexpr double kCornerWeight = -0.05, kMiddleWeight = 0.2;
-
 }  // namespace
 
 LinearResponse::LinearResponse(const PushedFinger& finger) : finger_(finger) {
@@ -48,19 +45,10 @@ LinearResponse::LinearResponse(const PushedFinger& finger) : finger_(finger) {
   }
   by_force_ = W;
 
-  constexpr double kGravity_m_s2 = 9.80665, kM3PerMm3 = 1e-9;
-  per_g_.setZero();
-  for (const auto& tet : finger.mesh.tets) {
-    std::array<Eigen::Vector3d, 4> corner;
-    for (std::size_t i = 0; i < 4; ++i) corner[i] = finger.mesh.node_mm[static_cast<std::size_t>(tet[i])];
-    const double mass_kg =
-        finger.spec.density_kg_m3 * kM3PerMm3 * tet_gradients(corner, finger.mesh.element).volume_mm3;
-    mass_kg_ += mass_kg;
-    for (std::size_t i = 0; i < kTetNodes; ++i) {
-      const Eigen::Index row = 3 * finger.body.unknown_of_node()[static_cast<std::size_t>(tet[i])];
-      const double weight_n = kGravity_m_s2 * mass_kg * (i < 4 ? kCornerWeight : kMiddleWeight);
-      for (Eigen::Index d = 0; d < 3; ++d) per_g_.col(d) += weight_n * by_force_.row(row + d).transpose();
-    }
+  for (int axis = 0; axis < 3; ++axis) {
+    PushedFinger::BodyVector weight = finger.zero();
+    finger.add_weight(Eigen::Vector3d::Unit(axis), weight);
+    per_g_.col(axis) = by_force_.transpose() * Eigen::Map<const Eigen::VectorXd>(weight.data(), size);
   }
 }
 

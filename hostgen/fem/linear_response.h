@@ -20,13 +20,11 @@ class LinearResponse {
   Numbers of(const FacePoint& at, const Eigen::Vector3d& force_n) const;
   /// [18, 3] motions for an acceleration field of 1 g along the finger's x, y and z, as gravity is one.
   const Eigen::Matrix<double, kPoseDims, 3>& per_g() const { return per_g_; }
-  double finger_mass_kg() const { return mass_kg_; }
 
  private:
   const PushedFinger& finger_;
   Eigen::Matrix<double, Eigen::Dynamic, kPoseDims, Eigen::RowMajor> by_force_;  ///< of every force on a free node
   Eigen::Matrix<double, kPoseDims, 3> per_g_;
-  double mass_kg_ = 0;
 };
 
 }  // namespace finsight::host

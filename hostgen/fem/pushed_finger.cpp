@@ -16,6 +16,13 @@ Eigen::Vector3d mean(const std::vector<Eigen::Vector3d>& points) {
   return sum;
 }
 
+double tet_mass_kg(const PushedFinger& finger, const std::array<int, kTetNodes>& tet) {
+  constexpr double kM3PerMm3 = 1e-9;
+  std::array<Eigen::Vector3d, 4> corner;
+  for (std::size_t i = 0; i < 4; ++i) corner[i] = finger.mesh.node_mm[static_cast<std::size_t>(tet[i])];
+  return finger.spec.density_kg_m3 * kM3PerMm3 * tet_gradients(corner, finger.mesh.element).volume_mm3;
+}
+
 }  // namespace
 
 Eigen::Matrix3d rigid_rotation(const std::vector<Eigen::Vector3d>& rest, const std::vector<Eigen::Vector3d>& now) {
@@ -43,7 +50,7 @@ PushedFinger::PushedFinger(const FingerSpec& finger, const TetMesh& tets, Elemen
 
 std::vector<FacePoint> PushedFinger::spread_points(int count) const {
   std::vector<FacePoint> points;
-  for (const Vec3f& point : touch_points(spec, count)) points.push_back(face_point(mesh, point.x(), point.y()));
+  for (const Vec3f& point : touch_points(spec, count)) points.push_back(at(point.head<2>().cast<double>()));
   return points;
 }
 
@@ -59,6 +66,27 @@ void PushedFinger::add_force(const FacePoint& at, const Eigen::Vector3d& force_n
     if (unknown == body.free_nodes()) continue;  // carried by the base at once
     Eigen::Map<Eigen::Vector3d>(&load[3 * static_cast<std::size_t>(unknown)]) += at.weight[i] * force_n;
   }
+}
+
+void PushedFinger::add_weight(const Eigen::Vector3d& g, BodyVector& load) const {
+  constexpr double kGravity_m_s2 = 9.80665;
+  // Of a tet's ten nodes in the integral of a constant over it: exact for C3D10.
+  constexpr double kCornerWeight = -0.05, kMiddleWeight = 0.2;
+  for (const auto& tet : mesh.tets) {
+    const double weight_n = kGravity_m_s2 * tet_mass_kg(*this, tet);
+    for (std::size_t i = 0; i < kTetNodes; ++i) {
+      const int unknown = body.unknown_of_node()[static_cast<std::size_t>(tet[i])];
+      if (unknown == body.free_nodes()) continue;
+      Eigen::Map<Eigen::Vector3d>(&load[3 * static_cast<std::size_t>(unknown)]) +=
+          (i < 4 ? kCornerWeight : kMiddleWeight) * weight_n * g;
+    }
+  }
+}
+
+double PushedFinger::mass_kg() const {
+  double sum_kg = 0;
+  for (const auto& tet : mesh.tets) sum_kg += tet_mass_kg(*this, tet);
+  return sum_kg;
 }
 
 bool PushedFinger::press(Equilibrium& solver, const BodyVector& load, ElasticState& answer) const {

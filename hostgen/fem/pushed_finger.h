@@ -35,7 +35,9 @@ class PushedFinger {
   const ElasticBody body;
   const ElasticState rest;
 
-  FacePoint at(const Eigen::Vector2d& place_mm) const { return face_point(mesh, place_mm.x(), place_mm.y()); }
+  FacePoint at(const Eigen::Vector2d& place_mm, Side side = Side::kFront) const {
+    return side_point(mesh, side, place_mm);
+  }
   /// `count` points spread evenly over the part of the face that is touched.
   std::vector<FacePoint> spread_points(int count) const;
   /// The nearest place of that part.
@@ -47,6 +49,10 @@ class PushedFinger {
   }
   /// A force of any direction, in the finger frame.
   void add_force(const FacePoint& at, const Eigen::Vector3d& force_n, BodyVector& load) const;
+  /// Adds the weight of all that is not fixed: of things that fall with `g` (times 9.80665 m/s^2), in the finger frame.
+  void add_weight(const Eigen::Vector3d& g, BodyVector& load) const;
+  /// Of everything, fixed nodes included.
+  double mass_kg() const;
   /// Equilibrium under `load`, from rest, in ever more even steps. False if there is none.
   bool press(Equilibrium& solver, const BodyVector& load, ElasticState& answer) const;
 

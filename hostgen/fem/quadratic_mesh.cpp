@@ -70,6 +70,9 @@ QuadraticMesh make_quadratic(const TetMesh& mesh, Element element) {
   for (const auto& [a, b, c] : front_triangles(mesh)) {
     out.front.push_back({a, b, c, middles.between(a, b), middles.between(b, c), middles.between(c, a)});
   }
+  for (const auto& [a, b, c] : boundary_triangles(mesh)) {
+    out.skin.push_back({a, b, c, middles.between(a, b), middles.between(b, c), middles.between(c, a)});
+  }
   return out;
 }
 
@@ -104,30 +107,63 @@ TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Elem
   return out;
 }
 
-FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm) {
-  double best_distance = std::numeric_limits<double>::infinity();
+Eigen::Matrix3d side_axes(Side side) {
+  using V = Eigen::Vector3d;
+  Eigen::Matrix3d axes;
+  switch (side) {
+    case Side::kFront:
+      axes << V::UnitX(), V::UnitY(), V::UnitZ();
+      break;
+    case Side::kLeft:
+      axes << V::UnitZ(), V::UnitY(), V::UnitX();
+      break;
+    case Side::kRight:
+      axes << V::UnitZ(), V::UnitY(), -V::UnitX();
+      break;
+    case Side::kBack:
+      axes << V::UnitX(), V::UnitY(), -V::UnitZ();
+      break;
+    case Side::kTip:
+      axes << V::UnitX(), V::UnitZ(), -V::UnitY();
+      break;
+  }
+  return axes;
+}
+
+FacePoint side_point(const QuadraticMesh& mesh, Side side, const Eigen::Vector2d& place_mm) {
+  // A wall that a push along the side's axis would only graze is not that side's.
+  constexpr double kSteepest = 0.5;
+  constexpr double kSame_mm2 = 1e-12;  // of two places, that differ by less, the first on the way is meant
+  const Eigen::Matrix3d axes = side_axes(side);
+  double best_distance = std::numeric_limits<double>::infinity(), best_depth = best_distance;
   FacePoint best;
-  for (const auto& triangle : mesh.front) {
+  for (const auto& triangle : side == Side::kFront ? mesh.front : mesh.skin) {
     std::array<Eigen::Vector3d, 3> corner;
-    for (std::size_t i = 0; i < 3; ++i) corner[i] = mesh.node_mm[static_cast<std::size_t>(triangle[i])];
+    for (std::size_t i = 0; i < 3; ++i) {
+      corner[i] = axes.transpose() * mesh.node_mm[static_cast<std::size_t>(triangle[i])];
+    }
     // Most triangles' bounding boxes are already further away.
     const Eigen::Array3d low = corner[0].cwiseMin(corner[1]).cwiseMin(corner[2]);
     const Eigen::Array3d high = corner[0].cwiseMax(corner[1]).cwiseMax(corner[2]);
-    const Eigen::Array2d asked(x_mm, y_mm), nearest = asked.max(low.head<2>()).min(high.head<2>());
-    if ((nearest - asked).matrix().squaredNorm() >= best_distance) continue;
-    const Eigen::Vector3d L = nearest_in_triangle(corner, x_mm, y_mm);
+    const Eigen::Array2d asked = place_mm.array(), nearest = asked.max(low.head<2>()).min(high.head<2>());
+    if ((nearest - asked).matrix().squaredNorm() > best_distance + kSame_mm2) continue;
+    Eigen::Vector3d inward = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
+    if (side == Side::kFront && inward.z() < 0) inward = -inward;
+    if (side != Side::kFront) inward = (axes.determinant() > 0 ? -1 : 1) * inward;  // a mirror turns the winding
+    if (side != Side::kFront && inward.z() < kSteepest) continue;
+    const Eigen::Vector3d L = nearest_in_triangle(corner, place_mm.x(), place_mm.y());
     const Eigen::Vector3d at = point_at(corner, L);
-    const double distance = (at.head<2>() - Eigen::Vector2d(x_mm, y_mm)).squaredNorm();
-    if (distance >= best_distance) continue;
+    const double distance = (at.head<2>() - place_mm).squaredNorm();
+    const bool is_nearer = distance < best_distance - kSame_mm2;
+    if (!is_nearer && (distance > best_distance + kSame_mm2 || at.z() >= best_depth)) continue;
     best_distance = distance;
+    best_depth = at.z();
     best.node = triangle;
     best.weight = {L[0] * (2 * L[0] - 1), L[1] * (2 * L[1] - 1), L[2] * (2 * L[2] - 1),
                    4 * L[0] * L[1],       4 * L[1] * L[2],       4 * L[2] * L[0]};
     if (mesh.element == Element::kC3D4) best.weight = {L[0], L[1], L[2], 0, 0, 0};
-    best.at_mm = at;
-    // The face points towards negative z, so the normal with positive z points into the finger.
-    best.inward = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
-    if (best.inward.z() < 0) best.inward = -best.inward;
+    best.at_mm = axes * at;
+    best.inward = axes * inward;
   }
   return best;
 }

@@ -31,6 +31,7 @@ struct QuadraticMesh {
   std::vector<std::uint8_t> fixed;               ///< per node: 1 on the base, and middle nodes of C3D4
   std::array<std::vector<int>, kPlates> plate_nodes;
   std::vector<std::array<int, 6>> front;  ///< triangles of the touched face: corners, middles of 01 12 20
+  std::vector<std::array<int, 6>> skin;   ///< the same of all that is outside, counter-clockwise seen from there
 };
 
 QuadraticMesh make_quadratic(const TetMesh& mesh, Element element = Element::kC3D10);
@@ -43,17 +44,23 @@ struct TetGradients {
 };
 TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Element element = Element::kC3D10);
 
-/// A point of the touched face as a weighted sum of the six nodes of the quadratic triangle that holds it. A force at
-/// the point is shared among the nodes by the same weights (the work-equivalent load), and they interpolate
-/// displacements at it. The weights sum to 1; away from the corners the weights of corners are negative (down to -1/8),
-/// which is right: force and moment of the six add up to those of the one.
+/// From where something pushes: onto the touched face (along z), or elsewhere.
+enum class Side { kFront, kLeft, kRight, kBack, kTip };
+
+/// A point of the outside, mostly of the touched face, as a weighted sum of the six nodes of the quadratic triangle
+/// that holds it. A force at the point is shared among the nodes by the same weights (the work-equivalent load), and
+/// they interpolate displacements at it. The weights sum to 1; away from the corners the weights of corners are
+/// negative (down to -1/8), which is right: force and moment of the six add up to those of the one.
 struct FacePoint {
   std::array<int, 6> node{};
   std::array<double, 6> weight{};
   Eigen::Vector3d at_mm = Eigen::Vector3d::Zero();
   Eigen::Vector3d inward = Eigen::Vector3d::Zero();  ///< unit normal of the undeformed face into the finger
 };
-/// The point of the face above (x, y); off the face, the nearest point of its edge.
-FacePoint face_point(const QuadraticMesh& mesh, double x_mm, double y_mm);
+/// Axes of a side: columns are the two in which places on it are told, and the direction in which it is pushed. Places
+/// on the front and the back are x and y, on the left and right z and y, on the tip x and z.
+Eigen::Matrix3d side_axes(Side side);
+/// The point that something pushed onto this side at this place meets first; beside the finger, the nearest one.
+FacePoint side_point(const QuadraticMesh& mesh, Side side, const Eigen::Vector2d& place_mm);
 
 }  // namespace finsight::host

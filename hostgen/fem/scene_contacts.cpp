@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "hostgen/finger/surface_finger.h"
+
 namespace finsight::host {
 
 namespace {
@@ -14,6 +16,8 @@ constexpr double kWholeWidthShare = 0.5;     // of the lines: longer than the fa
 constexpr double kLevelShare = 0.6;          // of the lines: across the finger, but for some degrees
 constexpr double kLevel_rad = 0.3;
 constexpr double kShortestLine_mm = 4, kWidestLine_mm = 6;
+// A network that never met more than the scene's friction takes all that comes near it for less.
+constexpr double kBeyondFriction = 1.25;
 constexpr double kFrictionStep = 0.15, kFollowStep = 0.3, kAngleStep_rad = 0.15;
 
 Eigen::Vector2d in_disc(double radius, Random& random) {
@@ -50,10 +54,38 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
   return contact;
 }
 
+/// All of the finger, or more.
+Eigen::AlignedBox3d box_mm(const FingerSpec& spec) {
+  Eigen::AlignedBox3d box;
+  if (spec.surface) {
+    for (const Eigen::Vector3d& at : spec.surface->surface.point_mm) box.extend(at);
+    return box;
+  }
+  for (const double y : {0.0, spec.height_mm}) {
+    box.extend(Eigen::Vector3d(-spec.half_width.at(y), y, spec.front_z.at(y)));
+    box.extend(Eigen::Vector3d(spec.half_width.at(y), y, spec.back_z.at(y)));
+  }
+  return box;
+}
+
+FaceContact draw_elsewhere(const FingerSpec& spec, const Scene& scene, Random& random) {
+  constexpr std::array kSides = {Side::kLeft, Side::kRight, Side::kBack, Side::kTip};
+  FaceContact contact{.side = kSides[random.index(kSides.size())], .full_force_n = spec.force_n[1], .follow = 0};
+  const Eigen::Matrix3d axes = side_axes(contact.side);
+  const Eigen::AlignedBox3d box = box_mm(spec);
+  Eigen::Vector3d at_mm;
+  for (int i = 0; i < 3; ++i) at_mm[i] = random.uniform(box.min()[i], box.max()[i]);
+  at_mm.y() = std::clamp(at_mm.y(), spec.touch_y_mm[0], spec.height_mm);
+  contact.centre_mm = (axes.transpose() * at_mm).head<2>();
+  contact.friction = in_disc(scene.friction, random);
+  return contact;
+}
+
 }  // namespace
 
 std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scene, const Eigen::Vector2d& place_mm,
                                        Random& random) {
+  if (scene.elsewhere) return {draw_elsewhere(spec, scene, random)};
   std::vector<FaceContact> contacts = {draw_contact(spec, scene, place_mm, random)};
   if (scene.contacts == 1) return contacts;
   const double away_mm = random.uniform(scene.apart_mm[0], scene.apart_mm[1]);
@@ -74,7 +106,8 @@ std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scen
 FaceContact vary(const FingerSpec& spec, const Scene& scene, const FaceContact& contact, double distance_mm,
                  Random& random) {
   FaceContact other = contact;
-  other.centre_mm = on_face(spec, contact.centre_mm + distance_mm * Eigen::Vector2d(random.normal(), random.normal()));
+  other.centre_mm += distance_mm * Eigen::Vector2d(random.normal(), random.normal());
+  if (contact.side == Side::kFront) other.centre_mm = on_face(spec, other.centre_mm);
   if (other.half_length_mm > spec.half_width.at(other.centre_mm.y())) other.centre_mm.x() = contact.centre_mm.x();
   if (other.half_length_mm > 0) other.angle_rad += kAngleStep_rad * random.normal();
   if (other.radius_mm > 0 && other.half_length_mm == 0) {
@@ -82,7 +115,8 @@ FaceContact vary(const FingerSpec& spec, const Scene& scene, const FaceContact& 
   }
   if (scene.friction > 0) {
     other.friction += kFrictionStep * Eigen::Vector2d(random.normal(), random.normal());
-    if (other.friction.norm() > scene.friction) other.friction *= scene.friction / other.friction.norm();
+    const double most = kBeyondFriction * scene.friction;
+    if (other.friction.norm() > most) other.friction *= most / other.friction.norm();
     other.follow = std::clamp(other.follow + kFollowStep * random.normal(), 0.0, 1.0);
   }
   return other;

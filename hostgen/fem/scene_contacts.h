@@ -15,7 +15,7 @@ std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scen
                                        Random& random);
 
 /// A contact of the scene that is like `contact`: moved by about `distance_mm`, its friction and patch changed to
-/// match.
+/// match; friction up to a quarter beyond the scene's.
 FaceContact vary(const FingerSpec& spec, const Scene& scene, const FaceContact& contact, double distance_mm,
                  Random& random);
 

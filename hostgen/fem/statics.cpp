@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <optional>
+#include <stdexcept>
 
 namespace finsight::host {
 namespace {
@@ -54,13 +55,14 @@ struct FingerStatics::Solver {
     place = FacePoint{};
     contacts.reset();
     force_n = 0;
-    present_load = finger->zero();
+    present_load = weight = finger->zero();
     compliance = 0;
     history.assign(1, Station{0, finger->rest});
   }
 
   const ElasticState& state() const { return history.back().state; }
 
+  void hang(const Eigen::Vector3d& felt_g);
   bool go(const FacePoint& target, double target_force_n);
   bool press(double target_force_n);
   void extrapolate(double s);
@@ -72,7 +74,7 @@ struct FingerStatics::Solver {
   FacePoint place;  ///< where the force of `force_n` is applied now
   double force_n = 0;
   std::optional<ContactLoad> contacts;  ///< instead of the place, after begin()
-  BodyVector present_load;
+  BodyVector present_load, weight;      ///< the weight is part of the load
   double compliance = 0;         ///< distance of the last two states over the distance of their loads; 0: unknown
   std::vector<Station> history;  ///< the latest states of the present line of loads; the last is the present one
   ElasticState trial;
@@ -128,6 +130,17 @@ bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve)
   return true;
 }
 
+void FingerStatics::Solver::hang(const Eigen::Vector3d& felt_g) {
+  if (felt_g.isZero()) return;
+  finger->add_weight(felt_g, weight);
+  const LoadCurve part_of_weight = [&](double s, const ElasticState&, BodyVector& load) {
+    for (std::size_t i = 0; i < load.size(); ++i) load[i] = s * weight[i];
+  };
+  if (!walk(0, 1, part_of_weight)) throw std::runtime_error("the finger does not carry its own weight");
+  history = {Station{0, history.back().state}};
+  compliance = 0;
+}
+
 // The load of the present force, as it was directed when that was reached, is what a failed walk goes back to.
 bool FingerStatics::Solver::press(double target_force_n) {
   const std::vector<Station> history_before = history;
@@ -136,6 +149,7 @@ bool FingerStatics::Solver::press(double target_force_n) {
   const ContactLoad contacts_before = *contacts;
   const LoadCurve curve = [&](double s, const ElasticState& guess, BodyVector& load) {
     contacts->forces(s, guess, load);
+    for (std::size_t i = 0; i < load.size(); ++i) load[i] += weight[i];
   };
   if (!walk(force_n, target_force_n, curve)) {
     history = history_before;
@@ -199,9 +213,10 @@ bool FingerStatics::load(const Vec3f& point_mm, double force_n) {
   return solver_->go(solver_->finger->at(point_mm.head<2>().cast<double>()), force_n);
 }
 
-void FingerStatics::begin(const std::vector<FaceContact>& contacts) {
+void FingerStatics::begin(const std::vector<FaceContact>& contacts, const Eigen::Vector3d& felt_g) {
   ContactLoad load(*solver_->finger, contacts);
   reset();
+  solver_->hang(felt_g);
   solver_->contacts.emplace(std::move(load));
 }
 

@@ -32,9 +32,9 @@ class FingerStatics {
   /// Newton needs it. False if no equilibrium was found that the present one leads to without a jump (the finger
   /// buckles or snaps through, or gives way without end): the state is then the one before the call.
   bool load(const Vec3f& point_mm, double force_n);
-  /// Back to the undeformed finger, which these contacts are about to touch. Throws std::invalid_argument as
-  /// ContactLoad does.
-  void begin(const std::vector<FaceContact>& contacts);
+  /// Back to the undeformed finger, which these contacts are about to touch. It bends under its weight in an
+  /// acceleration of `felt_g` (add_weight()). Throws std::invalid_argument as ContactLoad does.
+  void begin(const std::vector<FaceContact>& contacts, const Eigen::Vector3d& felt_g = Eigen::Vector3d::Zero());
   /// After begin(): equilibrium under their normal forces that sum to `normal_n`, with what friction adds; as load()
   /// does.
   bool press(double normal_n);

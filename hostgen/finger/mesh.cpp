@@ -77,28 +77,6 @@ void drop_unused_nodes(TetMesh& mesh) {
   }
 }
 
-/// The faces that only one tet has, outward.
-std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh) {
-  std::map<std::array<int, 3>, std::pair<std::array<int, 3>, int>> faces;  // by nodes in order: itself, how many
-  std::vector<std::array<int, 3>> keys;                                    // in the order of their tets
-  for (const auto& tet : mesh.tets) {
-    for (const auto& face : kFaces) {
-      const std::array<int, 3> nodes = {tet[face[0]], tet[face[1]], tet[face[2]]};
-      std::array<int, 3> key = nodes;
-      std::sort(key.begin(), key.end());
-      const auto [place, added] = faces.try_emplace(key, nodes, 0);
-      ++place->second.second;
-      if (added) keys.push_back(key);
-    }
-  }
-  std::vector<std::array<int, 3>> boundary;
-  for (const auto& key : keys) {
-    const auto& [nodes, count] = faces.at(key);
-    if (count == 1) boundary.push_back(nodes);
-  }
-  return boundary;
-}
-
 void sort_out(std::vector<int>& nodes) {
   std::sort(nodes.begin(), nodes.end());
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
@@ -209,6 +187,28 @@ TetMesh make_mesh(const FingerSpec& spec, MeshSize size) {
   find_plate_nodes(mesh);
   mesh.min_dihedral_deg = min_dihedral_deg(mesh);
   return mesh;
+}
+
+// The faces that only one tet has.
+std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh) {
+  std::map<std::array<int, 3>, std::pair<std::array<int, 3>, int>> faces;  // by nodes in order: itself, how many
+  std::vector<std::array<int, 3>> keys;                                    // in the order of their tets
+  for (const auto& tet : mesh.tets) {
+    for (const auto& face : kFaces) {
+      const std::array<int, 3> nodes = {tet[face[0]], tet[face[1]], tet[face[2]]};
+      std::array<int, 3> key = nodes;
+      std::sort(key.begin(), key.end());
+      const auto [place, added] = faces.try_emplace(key, nodes, 0);
+      ++place->second.second;
+      if (added) keys.push_back(key);
+    }
+  }
+  std::vector<std::array<int, 3>> boundary;
+  for (const auto& key : keys) {
+    const auto& [nodes, count] = faces.at(key);
+    if (count == 1) boundary.push_back(nodes);
+  }
+  return boundary;
 }
 
 std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh) {

@@ -33,6 +33,10 @@ TetMesh make_mesh(const FingerSpec& spec, MeshSize size = MeshSize::kDefault);
 /// of the tets that own them.
 std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh);
 
+/// All triangles of the outside, wound so that (x1 - x0) x (x2 - x0) points away from the finger, in the order of the
+/// tets.
+std::vector<std::array<int, 3>> boundary_triangles(const TetMesh& mesh);
+
 /// Exactly `count` >= 1 points spread evenly over the part of the undeformed front face that is touched (the spec's
 /// touch section), its border included. They lie on the face, in rows from the lowest up; not on mesh nodes.
 std::vector<Vec3f> touch_points(const FingerSpec& spec, int count);

@@ -241,8 +241,21 @@ void read_touch(TomlTable table, FingerSpec& spec) {
   spec.threshold_mm = table.number("threshold_mm", 0, 100);
   spec.rated_deformation_mm = table.number("rated_deformation_mm", 0.01, 1000);
   spec.trained_scene = table.text("scene", "probe");
-  spec.scene(spec.trained_scene);
+  if (spec.scene(spec.trained_scene).elsewhere) {
+    throw InputError(table.where("scene"), "touch.scene", "'" + spec.trained_scene + "'",
+                     "a scene of the touched face");
+  }
   table.finish();
+}
+
+Tolerance read_tolerance(TomlTable table) {
+  const Tolerance usual;
+  Tolerance tolerance;
+  tolerance.youngs_modulus = table.number("youngs_modulus", 0, 1, usual.youngs_modulus);
+  tolerance.marker_mm = table.number("marker_mm", 0, 10, usual.marker_mm);
+  tolerance.marker_rad = kRadPerDeg * table.number("marker_deg", 0, 20, usual.marker_rad / kRadPerDeg);
+  table.finish();
+  return tolerance;
 }
 
 /// A scene of the file changes the common one of its name, or is one of its own.
@@ -254,6 +267,7 @@ void read_scene(TomlTable table, std::vector<Scene>& scenes) {
   scene->patch_radius_mm = table.number("patch_radius_mm", 0, 100, scene->patch_radius_mm);
   scene->line_share = table.number("line_share", 0, 1, scene->line_share);
   scene->contacts = static_cast<int>(table.integer("contacts", 1, 2, scene->contacts));
+  scene->elsewhere = table.flag("elsewhere", scene->elsewhere);
   if (table.has("apart_mm")) scene->apart_mm = ascending_pair(table, "apart_mm", 0, kLargestMm);
   table.finish();
 }
@@ -263,7 +277,8 @@ void read_scene(TomlTable table, std::vector<Scene>& scenes) {
 std::vector<Scene> common_scenes() {
   return {{.name = "probe"},
           {.name = "grasp", .friction = 0.6, .patch_radius_mm = 12, .line_share = 0.4},
-          {.name = "two", .friction = 0.6, .patch_radius_mm = 12, .line_share = 0.4, .contacts = 2}};
+          {.name = "two", .friction = 0.6, .patch_radius_mm = 12, .line_share = 0.4, .contacts = 2},
+          {.name = "elsewhere", .friction = 0.3, .elsewhere = true}};
 }
 
 const Scene& FingerSpec::scene(const std::string& wanted) const {
@@ -345,6 +360,7 @@ FingerSpec read_finger_spec(const std::filesystem::path& file) {
     for (TomlTable& scene : table.tables("scene")) read_scene(std::move(scene), spec.scenes);
   }
   read_touch(table.table("touch"), spec);
+  if (table.has("tolerance")) spec.tolerance = read_tolerance(table.table("tolerance"));
   table.finish();
   if (!in_surface) check_shape(spec);
   place_markers(spec);

@@ -69,12 +69,21 @@ struct Scene {
   double line_share = 0;       ///< share of touches along a line: an edge or a cylinder; the others are round
   int contacts = 1;            ///< 1, or 2 at once
   std::array<double, 2> apart_mm = {20, 60};  ///< distance of two contacts
+  bool elsewhere = false;  ///< not on the touched face but at a side, the back or the tip, each at a point
 };
 
 /// What every spec has, whether or not it says so. "probe": one frictionless push at a point, as in the paper. "grasp":
 /// objects in a gripper; rubber on dry plastic or metal holds up to a friction of about 0.6 before it slips on a moist
-/// or dusty surface, and an object that fills 24 mm of a 47 mm face is large. "two": two such contacts.
+/// or dusty surface, and an object that fills 24 mm of a 47 mm face is large. "two": two such contacts. "elsewhere":
+/// pushes that are not at the touched face. The later ones are what no pack of an earlier one can explain.
 std::vector<Scene> common_scenes();
+
+/// How much fingers of one spec differ: standard deviations.
+struct Tolerance {
+  double youngs_modulus = 0.2;  ///< relative; cast polyurethane of one hardness differs by that from batch to batch
+  double marker_mm = 0.3;       ///< along each axis, of a marker stuck on by hand
+  double marker_rad = 0.0175;   ///< about each axis; one degree
+};
 
 struct FingerSpec {
   std::filesystem::path file, surface_file;  ///< it was read from these; a parametric finger has no surface file
@@ -102,6 +111,7 @@ struct FingerSpec {
   Eigen::Isometry3d T_finger_camera = Eigen::Isometry3d::Identity();
   std::array<Lens, 2> cameras;  ///< its lens, for images of 1280x720 and 640x480
   std::array<PoseNoise, kPlates> noise;
+  Tolerance tolerance;
 
   // Touch
   std::array<double, 2> touch_y_mm{};  ///< lowest and highest touched point of the front face

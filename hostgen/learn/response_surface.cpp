@@ -61,7 +61,8 @@ ResponseSurface::ResponseSurface(const std::vector<FemState>& states, const std:
   for (const FemState& state : states) {
     if (state.valid()) valid.push_back(&state);
   }
-  for (const Terms& terms : {Terms{kPoseDims, 10, 8}, {kPoseDims, 8, 6}, {kPoseDims, 6, 4}, {10, 5, 0}, {5, 0, 0}}) {
+  for (const Terms& terms :
+       {Terms{kPoseDims, 10, 8}, {kPoseDims, 8, 6}, {kPoseDims, 6, 4}, {10, 5, 0}, {5, 0, 0}, {2, 0, 0}}) {
     terms_ = terms;
     if (valid.size() >= kStatesPerTerm * terms.count()) break;
   }

@@ -7,11 +7,21 @@
 #include "firmware/geometry/so3.h"
 #include "hostgen/fem/scene_contacts.h"
 #include "hostgen/learn/response_surface.h"
+#include "hostgen/learn/touch_samples.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {
 
 namespace {
+
+// Of the touches that are trained on.
+constexpr double kOtherShare = 0.15;
+
+/// What a StateInterpolant can tell from neighbouring states. Other scenes have more to vary than neighbours cover.
+bool is_frictionless_point(const Scene& scene) {
+  return scene.friction == 0 && scene.patch_radius_mm == 0 && scene.line_share == 0 && scene.contacts == 1 &&
+         !scene.elsewhere;
+}
 
 /// Loads of contacts as the linear response and statics see them.
 struct Loads {
@@ -28,7 +38,9 @@ class Neighbourhood {
         response_(response),
         plan_(plan),
         surface_(states, finger.spec.noise),
-        contacts_(path_contacts(finger.spec, plan)) {
+        paths_(load_paths(finger.spec, plan)),
+        scenes_(other_scenes(finger.spec, plan)) {
+    scenes_.insert(scenes_.begin(), finger.spec.scene(plan.scene));
     const FingerSpec& spec = finger.spec;
     std::set<std::int32_t> paths;
     for (const FemState& state : states) {
@@ -41,13 +53,13 @@ class Neighbourhood {
   /// `state` after a change of its contacts by about as much as neighbouring paths differ.
   TouchSample near(const FemState& state, Random& random) const {
     const FingerSpec& spec = finger_.spec;
-    const Scene& scene = spec.scene(plan_.scene);
+    const Scene& scene = scenes_[state.scene];
     const double step_n = (spec.force_n[1] - spec.force_n[0]) / std::max(1, plan_.forces - 1);
     const bool is_lowest = static_cast<double>(state.force_n) < spec.force_n[0] + 0.5 * step_n;
     const double lowest_n = is_lowest ? 0 : static_cast<double>(state.force_n) - 0.5 * step_n;
     const double force_n = random.uniform(lowest_n, static_cast<double>(state.force_n) + 0.5 * step_n);
 
-    const std::vector<FaceContact>& contacts = contacts_.at(static_cast<std::size_t>(state.path));
+    const std::vector<FaceContact>& contacts = paths_.at(static_cast<std::size_t>(state.path)).contacts;
     std::vector<FaceContact> changed;
     for (const FaceContact& contact : contacts) {
       changed.push_back(vary(spec, scene, contact, step_mm_, random));
@@ -57,7 +69,10 @@ class Neighbourhood {
         0.5 * (state.plates[kTopPlate].rotation_rad + state.plates[kMiddlePlate].rotation_rad).cast<double>();
     const Loads before = loads(contacts, static_cast<double>(state.force_n), turn);
     const Loads after = loads(changed, force_n, turn * force_n / static_cast<double>(state.force_n));
-    return between(state, before, after, force_n);
+    TouchSample sample = between(state, before, after, force_n);
+    sample.explained = state.scene == 0;
+    sample.on_face = !scene.elsewhere;
+    return sample;
   }
 
  private:
@@ -101,24 +116,32 @@ class Neighbourhood {
   const LinearResponse& response_;
   const DatasetPlan& plan_;
   ResponseSurface surface_;
-  const std::vector<std::vector<FaceContact>> contacts_;  ///< of every path
-  double step_mm_ = 0;  ///< by which contacts are moved: about as far as neighbouring paths are apart
+  const std::vector<LoadPath> paths_;
+  std::vector<Scene> scenes_;  ///< the plan's, then the others
+  double step_mm_ = 0;         ///< by which contacts are moved: about as far as neighbouring paths are apart
 };
 
 }  // namespace
 
-TouchSource touches_around_states(const PushedFinger& finger, const LinearResponse& response, const DatasetPlan& plan) {
-  return [&finger, &response, plan](const std::vector<FemState>& states, std::size_t count, Random& random) {
-    const Neighbourhood neighbourhood(finger, response, plan, states);
-    std::vector<const FemState*> valid;
-    for (const FemState& state : states) {
-      if (state.valid()) valid.push_back(&state);
-    }
+TouchSource touches_of_scene(const PushedFinger& finger, const LinearResponse& response, const DatasetPlan& plan) {
+  return [&finger, &response, plan](const std::vector<FemState>& states, const std::vector<FemState>& others,
+                                    std::size_t count, Random& random) {
+    const Scene& scene = finger.spec.scene(plan.scene);
+    std::vector<FemState> all = states;
+    all.insert(all.end(), others.begin(), others.end());
+    const Neighbourhood neighbourhood(finger, response, plan, all);
     std::vector<TouchSample> touches;
     touches.reserve(count);
+    const std::size_t of_scene =
+        others.empty() ? count : count - static_cast<std::size_t>(kOtherShare * static_cast<double>(count));
+    if (is_frictionless_point(scene)) {
+      touches = draw_touches(finger.spec, StateInterpolant(states), of_scene, random);
+    }
     while (touches.size() < count) {
       if (interrupted()) throw Interrupted();
-      touches.push_back(neighbourhood.near(*valid[random.index(valid.size())], random));
+      const std::vector<FemState>& from = touches.size() < of_scene ? states : others;
+      const FemState& state = from[random.index(from.size())];
+      if (state.valid()) touches.push_back(neighbourhood.near(state, random));
     }
     return touches;
   };

@@ -17,6 +17,8 @@ struct TouchSample {
   float force_n = 0;                      ///< normal
   Vec3f force_vector_n = Vec3f::Zero();   ///< normal, across, along
   Vec3f moment_nm = Vec3f::Zero();        ///< about the finger frame's origin
+  bool explained = true;                  ///< by the scene that is trained for
+  bool on_face = true;                    ///< else point, displacement, force and moment are not to be learnt
 };
 TouchSample touch_sample(const FemState& state);
 

@@ -10,7 +10,8 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kMeans = TouchModel::kMeans;
+constexpr int kMeans = TouchModel::kMeans, kLogOdds = TouchModel::kOutputs - 1;
+constexpr int kExplainedTarget = kMeans, kLocatedTarget = kMeans + 1;
 constexpr std::array<int, 9> kWithSigma = {0, 1, 2, 6, 7, 8, 9, 10, 11};  // with a log-sigma, at output kMeans + index
 constexpr float kPeakRate = 2e-3f;
 constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 256, TouchModel::kOutputs};
@@ -43,7 +44,10 @@ class Measurements {
     for (int column = 0; column < inputs.cols(); ++column) {
       const TouchSample& touch = touches_[random_.index(touches_.size())];
       PoseVector numbers = touch.numbers;
-      add_swing(plate_height_mm_, random_, numbers);
+      const float swing_mm = add_swing(plate_height_mm_, random_, numbers);
+      const bool has_loose_plate = random_.uniform() < kLooseShare;
+      if (has_loose_plate) loosen_plate(random_, numbers);
+      const bool is_explained = touch.explained && !has_loose_plate && swing_mm < kExplainedSwing_mm;
       const std::array<bool, kPlates> seen = draw_seen(random_);
       std::array<float, kPlates> noise;
       if (camera_ && random_.uniform() < 0.5) {
@@ -56,11 +60,14 @@ class Measurements {
       for (std::size_t p = 0; p < kPlates; ++p) noise[p] = network_noise(seen[p], noise[p]);
       touch_features(model, numbers, noise,
                      std::span<float, TouchModel::kInputs>(inputs.col(column).data(), TouchModel::kInputs));
-      targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_vector_n, touch.moment_nm;
+      targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_vector_n, touch.moment_nm,
+          is_explained ? 1.0F : 0.0F, touch.on_face && !has_loose_plate ? 1.0F : 0.0F;
     }
   }
 
  private:
+  static constexpr double kLooseShare = 0.03;
+  static constexpr float kExplainedSwing_mm = 0.5F;  // smaller ones widen the radius instead
   const std::vector<TouchSample>& touches_;
   const std::array<PoseNoise, kPlates>& noise_;
   const PlatePrior& prior_;
@@ -76,7 +83,7 @@ TouchModelData fit_normalisation(Measurements& measurements) {
   for (int i = 0; i < kPoseDims; ++i) model.scale.push_back(i % 6 < 3 ? 1.0f : kMillimetresPerRadian);
   model.input_mean.assign(TouchModel::kInputs, 0.0f);
   model.input_scale.assign(TouchModel::kInputs, 1.0f);
-  Eigen::MatrixXf inputs(TouchModel::kInputs, kDraws), targets(kMeans, kDraws);
+  Eigen::MatrixXf inputs(TouchModel::kInputs, kDraws), targets(kTouchTargets, kDraws);
   TouchModel raw = model.view();
   measurements.draw(raw, inputs, targets);
 
@@ -84,19 +91,34 @@ TouchModelData fit_normalisation(Measurements& measurements) {
   model.input_mean.clear();
   statistics(inputs, model.input_mean, sigma);
   for (std::size_t i = 0; i < sigma.size(); ++i) model.input_scale[i] = 1.0f / sigma[i];
-  statistics(targets, model.output_mean, model.output_scale);
+  statistics(targets.topRows<kMeans>(), model.output_mean, model.output_scale);
   for (const int mean : kWithSigma) {
     model.output_mean.push_back(std::log(model.output_scale[static_cast<std::size_t>(mean)]));
     model.output_scale.push_back(1.0f);
   }
+  model.output_mean.push_back(0.0F);  // of the log-odds
+  model.output_scale.push_back(1.0F);
   return model;
 }
 
 }  // namespace
 
 TouchModel TouchModelData::view() const {
-  TouchModel model{scale,        input_mean, input_scale, output_mean,  output_scale,
-                   radius_curve, {},         face_axes,   threshold_mm, range_mm};
+  TouchModel model{.scale = scale,
+                   .input_mean = input_mean,
+                   .input_scale = input_scale,
+                   .output_mean = output_mean,
+                   .output_scale = output_scale,
+                   .radius_curve = radius_curve,
+                   .layers = {},
+                   .face_axes = face_axes,
+                   .threshold_mm = threshold_mm,
+                   .range_mm = range_mm,
+                   .explained_above = explained_above,
+                   .per_g = per_g,
+                   .stiffness_tolerance = stiffness_tolerance,
+                   .marker_tolerance_mm = marker_tolerance_mm,
+                   .marker_tolerance_rad = marker_tolerance_rad};
   for (std::size_t l = 0; l < 3; ++l) {
     model.layers[l] = {widths[l], widths[l + 1], weights[l], weight_scale[l], bias[l]};
   }
@@ -112,9 +134,15 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
   constexpr float kLargestError = 5.0f, kLargestSquare = kLargestError * kLargestError;
   const float share = 1.0f / static_cast<float>(outputs.cols());
   gradient.setZero(outputs.rows(), outputs.cols());
-  gradient.topRows<kMeans>() = share * (outputs.topRows<kMeans>() - targets);
+  gradient.topRows<kMeans>() =
+      share * (outputs.topRows<kMeans>() - targets.topRows<kMeans>()) * targets.row(kLocatedTarget).asDiagonal();
+  for (int s = 0; s < outputs.cols(); ++s) {
+    const float odds = std::exp(std::clamp(outputs(kLogOdds, s), -30.0F, 30.0F));
+    gradient(kLogOdds, s) = share * (odds / (1 + odds) - targets(kExplainedTarget, s));
+  }
   if (!likelihood) return;
   for (int s = 0; s < outputs.cols(); ++s) {
+    if (targets(kLocatedTarget, s) == 0) continue;
     const float force_sigma = std::max(std::exp(outputs(kMeans + 3, s)), kSmallestSigma);
     gradient.col(s).segment<3>(3) /= force_sigma;
     for (int k = 0; k < static_cast<int>(kWithSigma.size()); ++k) {
@@ -145,17 +173,17 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
       scale(model.output_scale.data(), kMeans);
 
   Adam adam(trained.network);
-  Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kMeans, plan.batch), gradient;
+  Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kTouchTargets, plan.batch), gradient;
   for (int step = 0; step < plan.steps; ++step) {
     measurements.draw(view, inputs, targets);
-    targets = ((targets.array().colwise() - mean).colwise() / scale).matrix();
+    targets.topRows<kMeans>() = ((targets.topRows<kMeans>().array().colwise() - mean).colwise() / scale).matrix();
     touch_loss_gradient(trained.network.forward(inputs), targets, step >= plan.steps / 5, gradient);
     trained.network.backward(gradient);
     adam.step(trained.network, cosine_rate(kPeakRate, step, plan.steps));
     tick();
   }
   trained.sample_inputs.resize(TouchModel::kInputs, kDraws);
-  targets.resize(kMeans, kDraws);
+  targets.resize(kTouchTargets, kDraws);
   measurements.draw(view, trained.sample_inputs, targets);
   return trained;
 }

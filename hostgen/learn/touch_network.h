@@ -22,17 +22,23 @@ struct TouchNetwork {
 /// get the spec's noise, independently for each plate, the other half are measured by `camera`; without a camera all
 /// get the spec's noise.
 ///
-/// Loss: of the seven means (point, displacement, force) the squared error in the first fifth of the steps; then, for
-/// the three coordinates of the point and the force, the Gaussian negative log-likelihood with the predicted standard
-/// deviation, weighted by that deviation (beta-NLL with beta = 0.5, Seitzer et al. 2022), so that samples that say
-/// little about the touch neither dominate nor vanish. The displacement is weighted like the force.
+/// Loss: of the twelve means the squared error in the first fifth of the steps; then, for all of them but the
+/// displacement, the Gaussian negative log-likelihood with the predicted standard deviation, weighted by that deviation
+/// (beta-NLL with beta = 0.5, Seitzer et al. 2022), so that samples that say little about the touch neither dominate
+/// nor vanish. The displacement is weighted like the force. Only touches on the face count. Added to it is the cross
+/// entropy of whether a touch of the scene moved the plates: not those of other scenes, not swings of half a
+/// millimetre and more, not plates that came loose, which are added here.
 /// `tick` is called after every step; it may throw to stop.
 TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
                                  const std::function<void()>& tick, const CornerMeasurement* camera = nullptr);
 
+/// What the network learns for one sample: its means, normalised; whether the scene explains the motion
+/// and whether the means are known, each 0 or 1.
+inline constexpr int kTouchTargets = TouchModel::kMeans + 2;
+
 /// Derivative of that loss by the network's raw outputs, both [TouchModel::kOutputs, samples]; `targets` is
-/// [7, samples], normalised. `likelihood` selects the loss of the second part.
+/// [kTouchTargets, samples]. `likelihood` selects the loss of the second part.
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient);
 
@@ -40,7 +46,7 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
 /// changing the outputs for `trained.sample_inputs` as little as possible.
 void quantise(TouchNetwork& trained);
 
-/// The float network's eleven numbers in physical units, for one pose and the noise of its plates (network_noise()).
+/// The float network's numbers in physical units, for one pose and the noise of its plates (network_noise()).
 Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PoseVector& numbers,
                                                        const std::array<float, kPlates>& noise);
 

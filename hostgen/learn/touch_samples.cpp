@@ -36,17 +36,30 @@ void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, Pose
 }
 
 // The deflection a (h / top)^2 turns a plate by its slope, 2 a h / top^2: towards +z about x, towards +x about -z.
-void add_swing(const std::array<double, kPlates>& plate_height_mm, Random& random, PoseVector& numbers) {
-  constexpr double kShare = 0.05, kSwing_mm = 2;
-  if (plate_height_mm[kTopPlate] == plate_height_mm[kLowPlate] || random.uniform() >= kShare) return;
+void deflect(const std::array<double, kPlates>& plate_height_mm, double x_mm, double z_mm, PoseVector& numbers) {
   const double top_mm = plate_height_mm[kTopPlate];
-  const double x_mm = kSwing_mm * random.normal(), z_mm = kSwing_mm * random.normal();
   for (int p = 0; p < kPlates; ++p) {
     const double share = plate_height_mm[static_cast<std::size_t>(p)] / top_mm;
     numbers[6 * p] += static_cast<float>(x_mm * share * share);
     numbers[6 * p + 2] += static_cast<float>(z_mm * share * share);
     numbers[6 * p + 3] += static_cast<float>(2 * z_mm * share / top_mm);
     numbers[6 * p + 5] -= static_cast<float>(2 * x_mm * share / top_mm);
+  }
+}
+
+float add_swing(const std::array<double, kPlates>& plate_height_mm, Random& random, PoseVector& numbers) {
+  constexpr double kShare = 0.05, kSwing_mm = 2;
+  if (plate_height_mm[kTopPlate] == plate_height_mm[kLowPlate] || random.uniform() >= kShare) return 0;
+  const double x_mm = kSwing_mm * random.normal(), z_mm = kSwing_mm * random.normal();
+  deflect(plate_height_mm, x_mm, z_mm, numbers);
+  return static_cast<float>(std::hypot(x_mm, z_mm));
+}
+
+void loosen_plate(Random& random, PoseVector& numbers) {
+  constexpr double kAway_mm = 2, kAway_rad = 0.1;
+  const auto first = static_cast<int>(6 * random.index(kPlates));
+  for (int i = 0; i < 6; ++i) {
+    numbers[first + i] = static_cast<float>((i < 3 ? kAway_mm : kAway_rad) * random.normal());
   }
 }
 

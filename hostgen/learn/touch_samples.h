@@ -19,8 +19,14 @@ void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, Pose
 
 /// Adds to one touch in twenty the swing of a shaken finger: a beam's deflection in a random direction, growing with
 /// the square of the height, up to some millimetres at the top plate. `plate_height_mm`: heights of the markers; if all
-/// three are equal nothing is added.
-void add_swing(const std::array<double, kPlates>& plate_height_mm, Random& random, PoseVector& numbers);
+/// three are equal nothing is added. Returns the deflection of the top plate, mm.
+float add_swing(const std::array<double, kPlates>& plate_height_mm, Random& random, PoseVector& numbers);
+
+/// The deflection itself: by so much at the top plate.
+void deflect(const std::array<double, kPlates>& plate_height_mm, double x_mm, double z_mm, PoseVector& numbers);
+
+/// One plate, that came loose, stands anywhere near its rest.
+void loosen_plate(Random& random, PoseVector& numbers);
 
 /// Draws the noise of the three plates, relative to the spec's: from a tenth to four times, uniform in its logarithm,
 /// similar for all three.

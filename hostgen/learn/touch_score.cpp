@@ -34,7 +34,9 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
   TouchModel model = trained.model.view();
   model.threshold_mm = 0;  // trials below the threshold and over range are wanted, too
   model.range_mm = std::numeric_limits<float>::infinity();
-  TouchStage stage(model);
+  model.explained_above = -std::numeric_limits<float>::infinity();
+  model.stiffness_tolerance = 0;                                    // the states are of one finger, as the spec has it
+  TouchStage stage(model, std::numeric_limits<float>::infinity());  // every number is wanted, told or not
   Random random(how.seed);
   std::vector<TouchTrial> trials;
   for (const FemState& state : states) {
@@ -50,6 +52,8 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
                         (float_point_mm - state.point_mm).norm()});
       const TouchSample truth = touch_sample(state);
       trials.back().wrench_error << touch.force_vector_n - truth.force_vector_n, touch.moment_nm - truth.moment_nm;
+      trials.back().explained = touch.explained;
+      trials.back().scene = state.scene;
       trials.back().wrench_sigma << touch.force_vector_sigma_n, touch.moment_sigma_nm;
     }
   }
@@ -138,6 +142,14 @@ Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm
     }
     calibration.wrench[static_cast<std::size_t>(i)] = quantile(std::move(ratios), 0.6827, 1.0);
   }
+  constexpr double kFalseAlarms = 0.001;
+  std::vector<double> explained;
+  for (const TouchTrial& trial : trials) {
+    if (static_cast<double>(trial.plate_motion_mm) >= threshold_mm) explained.push_back(trial.explained);
+  }
+  if (!explained.empty()) {
+    calibration.explained_above = static_cast<float>(quantile(std::move(explained), kFalseAlarms));
+  }
   if (auto curve = radius_curve(trials, threshold_mm); !curve.empty()) calibration.radius_curve = std::move(curve);
   return calibration;
 }
@@ -145,6 +157,7 @@ Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm
 // The network answers the logarithms of the standard deviations, so a factor is an addition to its mean.
 void apply(const Calibration& calibration, TouchModelData& model) {
   model.radius_curve = calibration.radius_curve;
+  model.explained_above = calibration.explained_above;
   for (std::size_t i = 0; i < calibration.wrench.size(); ++i) {
     model.output_mean[TouchModel::kMeans + 3 + i] += static_cast<float>(std::log(calibration.wrench[i]));
   }

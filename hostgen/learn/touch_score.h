@@ -15,6 +15,8 @@ struct TouchTrial {
   float plate_motion_mm = 0, radius_68_mm = 0, force_n = 0;
   float quantisation_mm = 0;  ///< distance between the float network's point and the published one
   float float_error_mm = 0;   ///< error of the float network's point
+  float explained = 0;        ///< Touch::explained
+  std::uint8_t scene = 0;     ///< FemState::scene
   /// Force (normal, across, along; N) and moment (x, y, z; N m).
   Eigen::Array<float, 6, 1> wrench_error = Eigen::Array<float, 6, 1>::Zero(), wrench_sigma = wrench_error;
 };
@@ -38,6 +40,7 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
 struct Calibration {
   std::vector<float> radius_curve = {0, 0, 1};  ///< TouchModel::radius_curve
   std::array<double, 6> wrench = {1, 1, 1, 1, 1, 1};
+  float explained_above = -1e6F;  ///< one trial in a thousand is below
 };
 Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm);
 void apply(const Calibration& calibration, TouchModelData& model);

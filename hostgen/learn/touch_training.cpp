@@ -18,18 +18,25 @@ constexpr std::int32_t kFold = 5;        // one point in this many is held out
 constexpr int kNoisyRepeats = 20;
 
 struct StateSplit {
-  std::vector<FemState> train, test;
+  std::vector<FemState> train, test;              ///< of the scene
+  std::vector<FemState> other_train, other_test;  ///< of others
 };
 
-StateSplit without_points(const std::vector<FemState>& states) {
+/// Every fifth path is held out.
+void split_paths(const std::vector<FemState>& states, std::vector<FemState>& train, std::vector<FemState>& test) {
   std::vector<std::int32_t> paths;
   for (const FemState& state : states) paths.push_back(state.path);
   paths.erase(std::unique(paths.begin(), paths.end()), paths.end());
-  StateSplit split;
   for (const FemState& state : states) {
     const auto place = std::lower_bound(paths.begin(), paths.end(), state.path) - paths.begin();
-    (place % kFold == kFold / 2 ? split.test : split.train).push_back(state);
+    (place % kFold == kFold / 2 ? test : train).push_back(state);
   }
+}
+
+StateSplit without_points(const std::vector<FemState>& states, const std::vector<FemState>& others) {
+  StateSplit split;
+  split_paths(states, split.train, split.test);
+  split_paths(others, split.other_train, split.other_test);
   return split;
 }
 
@@ -55,9 +62,9 @@ std::string line(const char* name, const TouchScore& score) {
   return text;
 }
 
-std::vector<FemState> valid_states(const FemDataset& dataset) {
+std::vector<FemState> valid_states(const std::vector<FemState>& all) {
   std::vector<FemState> states;
-  for (const FemState& state : dataset.states) {
+  for (const FemState& state : all) {
     if (state.valid() && state.force_n > 0) states.push_back(state);
   }
   std::stable_sort(states.begin(), states.end(), [](const FemState& a, const FemState& b) { return a.path < b.path; });
@@ -76,6 +83,10 @@ struct Run {
                                        const std::array<bool, kPlates>& seen = {true, true, true}) {
     return run_trials(*trained, split.test, spec.noise, prior,
                       {.noise = 1, .seen = seen, .repeats = kNoisyRepeats, .seed = seed});
+  }
+  std::vector<TouchTrial> other_trials(const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
+    return run_trials(*trained, split.other_test, spec.noise, prior,
+                      {.noise = 1, .repeats = kNoisyRepeats, .seed = seed});
   }
 };
 
@@ -111,7 +122,7 @@ std::vector<float> mean_face_axes(const FingerSpec& spec) {
 void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const TouchTrainingPlan& plan,
            const TouchSource& source, std::uint64_t seed, Progress& progress) {
   Random random(seed);
-  const std::vector<TouchSample> touches = source(run.split.train, kTouches, random);
+  const std::vector<TouchSample> touches = source(run.split.train, run.split.other_train, kTouches, random);
   const CornerMeasurement camera(spec, prior);
   const auto tick = [&] {
     if (interrupted()) throw Interrupted();
@@ -125,6 +136,9 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
   quantise(*run.trained);
   run.trained->model.face_axes = mean_face_axes(spec);
   run.trained->model.threshold_mm = static_cast<float>(spec.threshold_mm);
+  run.trained->model.stiffness_tolerance = static_cast<float>(spec.tolerance.youngs_modulus);
+  run.trained->model.marker_tolerance_mm = static_cast<float>(spec.tolerance.marker_mm);
+  run.trained->model.marker_tolerance_rad = static_cast<float>(spec.tolerance.marker_rad);
   run.trained->model.range_mm = kBeyondTraining * largest_plate_motion_mm(run.split.train);
 }
 
@@ -137,20 +151,50 @@ std::string missing_plates_table(Run& run, const FingerSpec& spec, const PlatePr
   return table;
 }
 
+std::vector<Detection> detections(const std::vector<TouchTrial>& trials, float explained_above,
+                                  const std::vector<Scene>& others, double threshold_mm) {
+  std::vector<Detection> found;
+  for (std::size_t k = 0; k < others.size(); ++k) {
+    Detection detection{.scene = others[k].name};
+    for (const TouchTrial& trial : trials) {
+      if (trial.scene != k + 1 || static_cast<double>(trial.plate_motion_mm) < threshold_mm) continue;
+      ++detection.motions;
+      detection.unexplained += trial.explained < explained_above;
+    }
+    detection.unexplained /= std::max(1.0, static_cast<double>(detection.motions));
+    found.push_back(detection);
+  }
+  return found;
+}
+
+std::string detection_table(const std::vector<Detection>& detections) {
+  std::string table;
+  for (const Detection& detection : detections) {
+    char text[160];
+    std::snprintf(text, sizeof text, "  scene %s: %zu motions, %.1f %% of them unexplained\n", detection.scene.c_str(),
+                  detection.motions, 100 * detection.unexplained);
+    table += text;
+  }
+  return table;
+}
+
 }  // namespace
 
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior_data,
                           const TouchTrainingPlan& plan, const TouchSource& source) {
   const PlatePrior prior = prior_data.view();
-  const std::vector<FemState> states = valid_states(dataset);
+  const std::vector<FemState> states = valid_states(dataset.states), others = valid_states(dataset.others);
   const std::uint64_t seed = 1000 * plan.seed;
   std::array<Run, 3> runs;
   auto& [random_run, points_run, final_run] = runs;
   random_run.split = without_states(states, seed);
-  points_run.split = without_points(states);
+  random_run.split.other_train = others;
+  points_run.split = without_points(states, others);
   final_run.split.train = states;
+  final_run.split.other_train = others;
   Progress progress("touch network", runs.size() * static_cast<std::size_t>(plan.steps));
-  const TouchSource between_states = [&](const std::vector<FemState>& some, std::size_t count, Random& random) {
+  const TouchSource between_states = [&](const std::vector<FemState>& some, const std::vector<FemState>&,
+                                         std::size_t count, Random& random) {
     return draw_touches(spec, StateInterpolant(some), count, random);
   };
   const TouchSource& touches = source ? source : between_states;
@@ -174,6 +218,9 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   result.force_bands = force_bands(noisy, spec.threshold_mm);
   result.coverage_curve = coverage_curve(noisy, spec.threshold_mm);
   result.quantisation = quantisation_cost(noisy, spec.threshold_mm);
+  const float explained_above = final_run.trained->model.explained_above;
+  result.detections = detections(points_run.other_trials(spec, prior, seed), explained_above,
+                                 other_scenes(spec, dataset.plan), spec.threshold_mm);
   result.model = final_run.trained->model;
 
   char text[400];
@@ -188,7 +235,8 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
                line("held-out points, clean", result.held_out_clean) +
                line("held-out states, noisy", result.random_noisy) +
                line("held-out points, noisy", result.held_out_noisy) + error_table(result.bands) +
-               force_table(result.force_bands) + missing_plates_table(points_run, spec, prior, seed);
+               force_table(result.force_bands) + detection_table(result.detections) +
+               missing_plates_table(points_run, spec, prior, seed);
   return result;
 }
 

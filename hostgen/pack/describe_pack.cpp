@@ -1,7 +1,9 @@
 // `hostgen inspect`: a pack as text.
 #include <algorithm>
+#include <cmath>
 #include <cstdarg>
 #include <cstdio>
+#include <numbers>
 
 #include "hostgen/pack/model_pack.h"
 
@@ -92,6 +94,22 @@ void describe_touch(std::string& text, const Model& model) {
         static_cast<double>(model.rated_deformation_mm));
 }
 
+void describe_tolerance(std::string& text, const TouchModel& touch) {
+  constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+  Eigen::Vector3d top_mm;  // displacement for 1 g along each axis
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto at = [&](std::size_t i) {
+      return static_cast<double>(touch.per_g[3 * i + static_cast<std::size_t>(axis)]);
+    };
+    top_mm[axis] = std::hypot(at(0), at(1), at(2));
+  }
+  print(text, "  gravity     1 g along x, y, z moves the top plate by %.2f, %.2f, %.2f mm\n", top_mm.x(), top_mm.y(),
+        top_mm.z());
+  print(text, "  tolerances  stiffness %.3g %%, markers %.3g mm and %.3g deg (standard deviations)\n",
+        100 * static_cast<double>(touch.stiffness_tolerance), static_cast<double>(touch.marker_tolerance_mm),
+        kDegreesPerRadian * static_cast<double>(touch.marker_tolerance_rad));
+}
+
 void describe_pose(std::string& text, const char* name, const Eigen::Isometry3f& T) {
   const Vec3f at = T.translation(), x = T.linear().col(0), z = T.linear().col(2);
   print(text, "  %-11s at %7.2f %7.2f %7.2f mm, x %6.3f %6.3f %6.3f, z %6.3f %6.3f %6.3f", name,
@@ -136,6 +154,7 @@ std::string describe_model_pack(const Model& model) {
   text += "\nmodel\n";
   describe_shape(text, model);
   describe_touch(text, model);
+  describe_tolerance(text, model.touch);
   text += "\nmount (finger frame)\n";
   describe_mount(text, model.mount);
   text += "\nself-test\n";

@@ -53,6 +53,7 @@ void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchRadiusCurve, {static_cast<std::int64_t>(touch.radius_curve.size() / 3), 3},
               touch.radius_curve);
   tensors.add(tensor::kTouchFaceAxes, {3, 3}, touch.face_axes);
+  tensors.add(tensor::kTouchPerG, {kPoseDims, 3}, touch.per_g);
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const DenseInt8& layer = touch.layers[i];
     tensors.add(tensor::kTouchWeights[i], {layer.outputs, layer.inputs}, layer.weights);
@@ -97,6 +98,10 @@ TensorFile pack_tensors(const PackViews& views) {
   tensors.metadata[meta::kMarkerSize] = decimal(views.mount.marker_size_mm);
   tensors.metadata[meta::kThreshold] = decimal(views.touch.threshold_mm);
   tensors.metadata[meta::kRange] = decimal(views.touch.range_mm);
+  tensors.metadata[meta::kExplainedAbove] = decimal(views.touch.explained_above);
+  tensors.metadata[meta::kStiffnessTolerance] = decimal(views.touch.stiffness_tolerance);
+  tensors.metadata[meta::kMarkerTolerance_mm] = decimal(views.touch.marker_tolerance_mm);
+  tensors.metadata[meta::kMarkerTolerance_rad] = decimal(views.touch.marker_tolerance_rad);
   tensors.metadata[meta::kRatedDeformation] = decimal(views.rated_deformation_mm);
 
   add_shape(tensors, views.shape);

@@ -22,6 +22,7 @@ struct ImageQuality {
   int hot_spots = 0;               ///< reflections of the LEDs, at fixed places
   int dirt = 0;                    ///< dark specks on the lens
   int beams = 0;                   ///< dark bars of the finger that reach into the image from its sides
+  bool srgb = false;               ///< coded as most cameras do (IEC 61966-2-1); levels above are those of light
   int jpeg_quality = 100;          ///< below 100: blocks are rounded as JPEG rounds them
 };
 

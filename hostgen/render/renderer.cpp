@@ -312,6 +312,12 @@ void Renderer::blur_layer(const Box& box, std::vector<float>& layer) {
   }
 }
 
+/// Grey level (0 ... 255) that stands for this light (0 ... 255).
+float srgb_coded(float light) {
+  const float linear = light / 255;
+  return 255 * (linear <= 0.0031308F ? 12.92F * linear : 1.055F * std::pow(linear, 1 / 2.4F) - 0.055F);
+}
+
 /// Shot and read noise, then 8 bits. Every row takes its noise from a random place in a table of normal numbers:
 /// drawing a million of them for every image would take longer than everything else.
 void Renderer::quantise(std::vector<std::uint8_t>& grey) {
@@ -326,7 +332,8 @@ void Renderer::quantise(std::vector<std::uint8_t>& grey) {
     for (std::size_t x = 0; x < width; ++x) {
       const float level = std::max(image[x], 0.0f);
       const float noisy = level + std::sqrt(read_variance + shot_variance * level) * noise[x];
-      to[x] = static_cast<std::uint8_t>(std::clamp(noisy + 0.5f, 0.0f, 255.0f));
+      const float coded = quality_.srgb ? srgb_coded(std::clamp(noisy, 0.0F, 255.0F)) : noisy;
+      to[x] = static_cast<std::uint8_t>(std::clamp(coded + 0.5f, 0.0f, 255.0f));
     }
   }
 }

@@ -43,6 +43,12 @@ nlohmann::json measure_corners(const FingerSpec& spec, bool quick);
 nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, const FingerSpec* spec,
                              const FemDataset* dataset, const std::filesystem::path& folder, bool quick);
 
+/// The pack's touches in every case that a gripper brings (scene_cases.h): share published, errors, coverage, what is
+/// unexplained; and what plate motions can tell at best. Plots scene_faces.svg and scene_reliability.svg into `folder`.
+/// `quick`: a fifth of the states.
+nlohmann::json measure_scenes(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
+                              bool quick);
+
 /// Networks on a CSV of recordings, and its audit with an image, recordings.svg; without a file only the reason.
 nlohmann::json measure_real(const Model& model, const std::filesystem::path& recordings,
                             const std::filesystem::path& folder, bool quick);

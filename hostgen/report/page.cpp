@@ -136,6 +136,24 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
             {"tier", "touch_point_clean_mm", "touch_point_noisy_mm", "front_clean_mm", "front_noisy_mm", "us_per_frame",
              "contact_map_share"},
             out);
+  add_section(all, "scene", "What a gripper brings", out);
+  out << "<p>States that no training has seen, solved for each case and measured with the spec's noise by the whole "
+         "firmware. contained: by the scene that the pack was trained for. lies: published and off by more than three "
+         "radii, of all. Force: normal, across, along, where told (force_told: in which share); moment: x, y, z about "
+         "the base.</p>\n";
+  add_table(all["scene"].value("cases", json()),
+            {"case", "contained", "trials", "published", "unexplained", "touch_mm", "touch_95_mm", "inside_radius",
+             "inside_twice", "lies", "force_rmse_n", "force_told", "force_inside", "moment_rmse_nm", "moment_inside"},
+            out);
+  out << "<img src=\"scene_faces.svg\" alt=\"true and published touches over the face, by case\">\n<img "
+         "src=\"scene_reliability.svg\" alt=\"share of errors inside the published radius, by case\">\n<p>What plate "
+         "motions can tell at best (Fisher information at the spec's noise, contacts that move a plate by 4 mm or "
+         "more, "
+         "median standard deviation).</p>\n";
+  add_table(all["scene"].value("floor", json()),
+            {"unknown", "states", "x_mm", "y_mm", "normal_n", "across_n", "along_n", "radius_mm", "x_mm_2", "y_mm_2",
+             "normal_n_2", "across_n_2", "along_n_2", "radius_mm_2"},
+            out);
   add_section(all, "fem", "Finite-element truth", out);
   out << "<p>The same loads solved by CalculiX: largest distance between a node's two positions.</p>\n";
   add_table(all["fem"].value("calculix", json()),

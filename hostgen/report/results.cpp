@@ -36,6 +36,7 @@ constexpr const char* kSkeleton = R"({
             "why": "area touch was not measured"},
   "shape": {"touch_point_mm": {"energy_clean": null, "energy_noisy": null, "contact_aware_clean": null,
             "contact_aware_noisy": null, "why": "area touch was not measured"}},
+  "scene": {"name": null, "worst_coverage_error": null, "worst_lies": null, "why": "area scene was not measured"},
   "real": {"random": {"r2": null}, "by_contact_point": {"r2": null}, "pen_distance_mm": null,
            "why": "area real was not measured"},
   "force": {"gauss_newton_s": null, "lbfgs_s": null, "front_mean_mm": null, "why": "area force was not measured"},
@@ -111,7 +112,8 @@ std::string today() {
 }  // namespace
 
 const std::vector<std::string>& report_areas() {
-  static const std::vector<std::string> areas = {"solver", "fem", "touch", "real", "force", "vision", "modbus"};
+  static const std::vector<std::string> areas = {"solver", "fem",   "touch",  "scene",
+                                                 "real",   "force", "vision", "modbus"};
   return areas;
 }
 

@@ -76,3 +76,33 @@ TEST_CASE("source: a camera's images are described by its settings and the model
   CHECK(images->frames_per_second == 25);
   CHECK(images->marker_id == model().mount.marker_id);
 }
+
+TEST_CASE("source: rest and gravity are known where the board file or the session say so, and of recorded motions") {
+  Settings settings;
+  settings.source = Settings::Source::kCamera;
+  SessionInfo images = session_info();
+  LoopSettings loop;
+  complete_from_source(settings, images, loop);
+  CHECK_FALSE(loop.rest_is_known);
+  CHECK_FALSE(loop.fixed_g);
+  settings.gravity_max_age_ms = 500;  // a client tells it
+  complete_from_source(settings, images, loop);
+  CHECK_FALSE(loop.fixed_g);
+
+  settings.gravity_max_age_ms = 0;
+  settings.source = Settings::Source::kSession;
+  images.gravity_g = Vec3f(0, -1, 0);
+  images.from_rest = true;
+  complete_from_source(settings, images, loop);
+  CHECK(loop.rest_is_known);
+  CHECK(loop.fixed_g == Vec3f(0, -1, 0));
+  settings.fixed_g = Vec3f(0, 0, 1);  // the board file knows better
+  complete_from_source(settings, images, loop);
+  CHECK(loop.fixed_g == Vec3f(0, 0, 1));
+
+  settings = {};
+  settings.source = Settings::Source::kPoses;
+  complete_from_source(settings, std::nullopt, loop);
+  CHECK(loop.rest_is_known);
+  CHECK(loop.fixed_g == Vec3f(0, 0, 0));
+}

@@ -33,11 +33,13 @@ std::string refusal(const Work& work) {
 }
 
 bool same(const FemDataset& a, const FemDataset& b) {
+  const std::vector<FemState> all_a = all_states(a), all_b = all_states(b);
   if (a.states.size() != b.states.size() || a.node_displacement_mm != b.node_displacement_mm) return false;
-  for (std::size_t i = 0; i < a.states.size(); ++i) {
-    const FemState &x = a.states[i], &y = b.states[i];
-    if (x.path != y.path || x.front_node != y.front_node || x.force_n != y.force_n || x.point_mm != y.point_mm ||
-        x.contact_mm != y.contact_mm || x.outcome != y.outcome) {
+  if (all_a.size() != all_b.size()) return false;
+  for (std::size_t i = 0; i < all_a.size(); ++i) {
+    const FemState &x = all_a[i], &y = all_b[i];
+    if (x.scene != y.scene || x.path != y.path || x.front_node != y.front_node || x.force_n != y.force_n ||
+        x.point_mm != y.point_mm || x.contact_mm != y.contact_mm || x.outcome != y.outcome) {
       return false;
     }
     for (std::size_t p = 0; p < kPlates; ++p) {
@@ -62,6 +64,21 @@ TEST_CASE("dataset: states come path by path from the lowest force up, and are t
     CHECK(dataset.states[i].force_n == doctest::Approx(0.1 + 0.15 * static_cast<double>(i % 3)));
   }
   CHECK(same(dataset, small_dataset()));
+}
+
+TEST_CASE("dataset: beside the scene it holds what a pack for the scene must not take for a touch of it") {
+  const FemDataset dataset = small_dataset();
+  const std::vector<Scene> others = other_scenes(test::small_finger_spec(), kPlan);
+  REQUIRE(others.size() == 3);
+  CHECK(others[0].name == "grasp");
+  CHECK(others[2].elsewhere);
+  REQUIRE(dataset.others.size() == 9);
+  for (std::size_t i = 0; i < 9; ++i) {
+    CHECK(dataset.others[i].scene == i / 3 + 1);
+    CHECK(dataset.others[i].path == static_cast<int>(4 + i / 3));
+  }
+  CHECK(path_count(kPlan) == 7);
+  CHECK(other_scenes(test::small_finger_spec(), {.scene = "grasp"}).size() == 2);
 }
 
 TEST_CASE("dataset: what is written is read back") {
@@ -105,7 +122,7 @@ TEST_CASE("dataset: shards in any order make the same bytes as one run") {
       check_complete(read_dataset(folder / "merged"), test::small_finger_spec(), test::small_finger_mesh(), "m"));
   CHECK(refusal([&] {
           check_complete(read_dataset(shards[0]), test::small_finger_spec(), test::small_finger_mesh(), "s");
-        }).find("path 0 of 4 is missing") != std::string::npos);
+        }).find("path 0 of 7 is missing") != std::string::npos);
 }
 
 TEST_CASE("dataset: what cannot be merged is refused with the file and the reason") {
@@ -116,7 +133,7 @@ TEST_CASE("dataset: what cannot be merged is refused with the file and the reaso
   FingerSpec spec = test::small_finger_spec();
   spec.sha256 = "fedcba9876543210";
   write_dataset(other, make_dataset(spec, test::small_finger_mesh(), kPlan, {.index = 1, .count = 2}));
-  CHECK(refusal([&] { merge_datasets({a}); }).find("path 1 of 4 is missing") != std::string::npos);
+  CHECK(refusal([&] { merge_datasets({a}); }).find("path 1 of 7 is missing") != std::string::npos);
   CHECK(refusal([&] { merge_datasets({a, b, a}); }).find("path 0 is in") != std::string::npos);
   const std::string foreign = refusal([&] { merge_datasets({a, other}); });
   CHECK(foreign.find(other.string()) != std::string::npos);

@@ -82,7 +82,7 @@ TEST_CASE("quadratic_mesh: gradients of a quadratic field are exact at the Gauss
 TEST_CASE("quadratic_mesh: a face point's weights carry its force and moment and interpolate quadratic fields") {
   const QuadraticMesh mesh = make_quadratic(small_finger_mesh());
   for (const auto& [x, y] : {std::pair{0.3, 21.7}, {-5.9, 3.0}, {3.0, 35.0}, {6.0, 60.0}, {0.0, 0.0}}) {
-    const FacePoint point = face_point(mesh, x, y);
+    const FacePoint point = side_point(mesh, Side::kFront, {x, y});
     CHECK((point.at_mm - Vector3d(x, y, 0)).norm() < 1e-12);
     CHECK((point.inward - Vector3d(0, 0, 1)).norm() < 1e-12);
     double total = 0, interpolated = 0;
@@ -101,6 +101,23 @@ TEST_CASE("quadratic_mesh: a face point's weights carry its force and moment and
 
 TEST_CASE("quadratic_mesh: a point off the face is taken to the nearest one on its edge") {
   const QuadraticMesh mesh = make_quadratic(small_finger_mesh());
-  CHECK((face_point(mesh, 9, 31).at_mm - Vector3d(6, 31, 0)).norm() < 1e-12);
-  CHECK((face_point(mesh, -100, 100).at_mm - Vector3d(-6, 60, 0)).norm() < 1e-12);
+  CHECK((side_point(mesh, Side::kFront, {9, 31}).at_mm - Vector3d(6, 31, 0)).norm() < 1e-12);
+  CHECK((side_point(mesh, Side::kFront, {-100, 100}).at_mm - Vector3d(-6, 60, 0)).norm() < 1e-12);
+}
+
+TEST_CASE("quadratic_mesh: something pushed onto a side meets the outer wall there") {
+  const QuadraticMesh mesh = make_quadratic(small_finger_mesh());  // 12 x 60 x 6 mm, from z = 0
+  const auto check = [&](Side side, const Eigen::Vector2d& place, const Vector3d& at, const Vector3d& inward) {
+    const FacePoint point = side_point(mesh, side, place);
+    CHECK((point.at_mm - at).norm() < 1e-12);
+    CHECK((point.inward - inward).norm() < 1e-12);
+    Vector3d moment = Vector3d::Zero();
+    for (std::size_t i = 0; i < 6; ++i) moment += point.weight[i] * node(mesh, point.node[i]);
+    CHECK((moment - at).norm() < 1e-10);
+  };
+  check(Side::kLeft, {2, 31}, {-6, 31, 2}, {1, 0, 0});
+  check(Side::kRight, {2, 31}, {6, 31, 2}, {-1, 0, 0});
+  check(Side::kBack, {3, 22}, {3, 22, 6}, {0, 0, -1});
+  check(Side::kTip, {-2, 4}, {-2, 60, 4}, {0, -1, 0});
+  check(Side::kBack, {3, 80}, {3, 60, 6}, {0, 0, -1});  // beside it
 }

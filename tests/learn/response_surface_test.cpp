@@ -13,7 +13,7 @@ namespace {
 
 FingerSpec grasped_column() {
   FingerSpec spec = test::small_finger_spec();
-  spec.scenes = {{.name = "grasp", .friction = 0.5, .patch_radius_mm = 3, .line_share = 0.3}};
+  spec.scenes[1] = {.name = "grasp", .friction = 0.5, .patch_radius_mm = 3, .line_share = 0.3};
   spec.trained_scene = "grasp";
   for (PoseNoise& noise : spec.noise) noise = {0.01, 0.05, 0.005, 0.001};
   return spec;
@@ -69,9 +69,9 @@ TEST_CASE("scene touches: force and moment belong together") {
   const Column& made = column();
   const auto finger = std::make_shared<const PushedFinger>(made.spec, made.mesh);
   const LinearResponse response(*finger);
-  const TouchSource source = touches_around_states(*finger, response, made.plan);
+  const TouchSource source = touches_of_scene(*finger, response, made.plan);
   Random random(3);
-  const std::vector<TouchSample> touches = source(made.dataset.states, 300, random);
+  const std::vector<TouchSample> touches = source(made.dataset.states, {}, 300, random);
   REQUIRE(touches.size() == 300);
   for (const TouchSample& touch : touches) {
     CHECK(touch.force_n <= 0.46F);
@@ -82,6 +82,24 @@ TEST_CASE("scene touches: force and moment belong together") {
     const Vec3f moment_nm = 1e-3F * (touch.point_mm + touch.displacement_mm).cross(force_n);
     CHECK((touch.moment_nm - moment_nm).norm() < 0.1F * moment_nm.norm() + 2e-4F);
   }
+}
+
+TEST_CASE("scene touches: some are of other scenes, and those elsewhere than on the face teach nothing of a point") {
+  const Column& made = column();
+  const auto finger = std::make_shared<const PushedFinger>(made.spec, made.mesh);
+  const LinearResponse response(*finger);
+  Random random(4);
+  std::size_t unexplained = 0, elsewhere = 0;
+  const std::vector<TouchSample> touches =
+      touches_of_scene(*finger, response, made.plan)(made.dataset.states, made.dataset.others, 400, random);
+  for (const TouchSample& touch : touches) {
+    unexplained += !touch.explained;
+    elsewhere += !touch.on_face;
+    CHECK((touch.on_face || !touch.explained));
+  }
+  CHECK(unexplained == 60);
+  CHECK(elsewhere > 10);
+  CHECK(elsewhere < 50);
 }
 
 TEST_CASE("response surface: tells the change from one force of a path to the next") {

@@ -45,6 +45,7 @@ inline host::FingerSpec synthetic_spec() {
   spec.threshold_mm = 2;
   for (host::PoseNoise& noise : spec.noise) noise = {0.03, 0.15, 0.008, 0.002};
   spec.marker_size_mm = 8;
+  spec.scenes = host::common_scenes();
   spec.T_finger_camera.linear() << 1, 0, 0, 0, 0, 1, 0, -1, 0;  // looks up from below the base
   spec.T_finger_camera.translation() << 0, -22, 0;
   for (std::size_t p = 0; p < kPlates; ++p) {

@@ -25,6 +25,13 @@ double weighted_likelihood(double mean, double log_sigma, double target, double 
   return weight * (0.5 * error * error + log_sigma) / samples;
 }
 
+/// Of explained touches on the face.
+Eigen::MatrixXf random_targets(int samples, Random& random) {
+  Eigen::MatrixXf targets = Eigen::MatrixXf::Ones(kTouchTargets, samples);
+  targets.topRows(12) = random_matrix(12, samples, 1, random);
+  return targets;
+}
+
 std::vector<TouchSample> some_touches(std::size_t count) {
   const StateInterpolant states(test::synthetic_dataset().states);
   Random random(1);
@@ -45,9 +52,9 @@ TouchNetwork short_training(std::uint64_t seed) {
 TEST_CASE("touch network: the likelihood's gradient agrees with finite differences") {
   Random random(9);
   const int samples = 5;
-  const Eigen::MatrixXf targets = random_matrix(12, samples, 1, random);
-  Eigen::MatrixXf outputs = random_matrix(21, samples, 0.5, random), gradient;
-  outputs.topRows(12) = targets + random_matrix(12, samples, 0.3, random);
+  const Eigen::MatrixXf targets = random_targets(samples, random);
+  Eigen::MatrixXf outputs = random_matrix(TouchModel::kOutputs, samples, 0.5, random), gradient;
+  outputs.topRows(12) = targets.topRows(12) + random_matrix(12, samples, 0.3, random);
   touch_loss_gradient(outputs, targets, true, gradient);
   for (int s = 0; s < samples; ++s) {
     for (int k = 0; k < 9; ++k) {
@@ -68,15 +75,37 @@ TEST_CASE("touch network: the likelihood's gradient agrees with finite differenc
 
 TEST_CASE("touch network: the first part of the training sees squared errors only") {
   Random random(10);
-  const Eigen::MatrixXf targets = random_matrix(12, 4, 1, random), outputs = random_matrix(21, 4, 1, random);
+  const Eigen::MatrixXf targets = random_targets(4, random), outputs = random_matrix(22, 4, 1, random);
   Eigen::MatrixXf gradient;
   touch_loss_gradient(outputs, targets, false, gradient);
-  CHECK((gradient.topRows(12) - (outputs.topRows(12) - targets) / 4).norm() < 1e-6f);
-  CHECK(gradient.bottomRows(9).norm() == 0);
+  CHECK((gradient.topRows(12) - (outputs.topRows(12) - targets.topRows(12)) / 4).norm() < 1e-6f);
+  CHECK(gradient.middleRows(12, 9).norm() == 0);
+}
+
+TEST_CASE("touch network: whether a touch explains the motion is learnt by its cross entropy") {
+  Random random(11);
+  Eigen::MatrixXf targets = random_targets(2, random), outputs = random_matrix(22, 2, 1, random), gradient;
+  targets.row(12) << 1, 0;
+  touch_loss_gradient(outputs, targets, true, gradient);
+  const auto probability = [&](int s) { return 1 / (1 + std::exp(-double(outputs(21, s)))); };
+  CHECK(double(gradient(21, 0)) == doctest::Approx((probability(0) - 1) / 2));
+  CHECK(double(gradient(21, 1)) == doctest::Approx(probability(1) / 2));
+}
+
+TEST_CASE("touch network: nothing but that is learnt from a push beside the face") {
+  Random random(12);
+  Eigen::MatrixXf targets = random_targets(1, random), outputs = random_matrix(22, 1, 1, random), gradient;
+  targets.bottomRows(2).setZero();
+  for (const bool likelihood : {false, true}) {
+    touch_loss_gradient(outputs, targets, likelihood, gradient);
+    CHECK(gradient.topRows(21).norm() == 0);
+    CHECK(gradient(21, 0) > 0);
+  }
 }
 
 TEST_CASE("touch network: an outlier's pull on a mean and its deviation is bounded") {
-  Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(21, 1), targets = Eigen::MatrixXf::Zero(12, 1), gradient;
+  Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(22, 1), targets = Eigen::MatrixXf::Ones(14, 1), gradient;
+  targets.topRows(12).setZero();
   targets(0, 0) = 1e4f;
   touch_loss_gradient(outputs, targets, true, gradient);
   CHECK(double(gradient(12, 0)) == doctest::Approx(-24));

@@ -211,3 +211,21 @@ TEST_CASE("control: a block is stalled by its age, and while the camera has a fa
   CHECK(control.stalled_since_ns(image, 1300) == 0);
   CHECK(control.stalled_since_ns(image, 1301) == 1300);
 }
+
+TEST_CASE("control: gravity is written as one, counts as known only where it is expected, and grows old") {
+  Control control;
+  Client client(control);
+  const std::vector<std::uint16_t> felt = {500, static_cast<std::uint16_t>(-866), 0};
+  CHECK(client.write(1102, felt) == Exception::kLocked);
+  client.write(1004, {kDefaultWriteKey});
+  CHECK(client.write(1102, {500}) == Exception::kIllegalAddress);
+  CHECK(client.write(1103, {500, 0}) == Exception::kIllegalAddress);
+  CHECK(client.write(1101, {30, 0, 0, 0}) == Exception::kIllegalAddress);
+  CHECK(client.write(1102, felt, kSecond) == Exception::kNone);
+  CHECK(client.read(1103) == static_cast<std::uint16_t>(-866));
+  CHECK_FALSE(control.felt_gravity(kSecond));  // the board file does not say that anybody writes it
+  control.expect_gravity(kSecond / 2);
+  REQUIRE(control.felt_gravity(kSecond + kSecond / 2));
+  CHECK((*control.felt_gravity(kSecond + kSecond / 2) - Vec3f(0.5F, -0.866F, 0)).norm() < 1e-6F);
+  CHECK_FALSE(control.felt_gravity(kSecond + kSecond / 2 + 1));
+}

@@ -205,6 +205,7 @@ TEST_CASE("registers: each status bit follows its own cause") {
   };
   CHECK(status([](Scene& s) { s.touch.quality = Quality::kInvalid; }) == (all_well & ~kTouchValid));
   CHECK(status([](Scene& s) { s.touch.over_range = true; }) == (all_well | kOverRange));
+  CHECK(status([](Scene& s) { s.touch.unexplained = true; }) == (all_well | kUnexplained));
   CHECK(status([](Scene& s) { s.state.limits.contact = false; }) == (all_well & ~kContact));
   CHECK(status([](Scene& s) { s.state.limits.overload = true; }) == (all_well | kOverload));
   CHECK(status([](Scene& s) { s.state.zeroed = true; }) == (all_well | kZeroed));

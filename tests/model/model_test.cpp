@@ -167,7 +167,7 @@ TEST_CASE("model: refuses tensors of another shape, with what was found and expe
       {zeros<float>(tensor::kSelfTestContactShape, {1, 126}), "found F32 [1, 126], expected F32 [2, 126]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[0], {8, 21}), "found I8 [8, 21], expected I8 [8, 22]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[1], {8, 9}), "found I8 [8, 9], expected I8 [8, 8]"},
-      {zeros<float>(tensor::kTouchBias[2], {12}), "found F32 [12], expected F32 [21]"},
+      {zeros<float>(tensor::kTouchBias[2], {12}), "found F32 [12], expected F32 [22]"},
       {zeros<float>(tensor::kTouchBias[0], {5000}), "found length 5000, expected 1 to 4096"},
       {zeros<float>(tensor::kPriorCovariance, {324}), "expected F32 [18, 18]"},
       {zeros<float>(tensor::kCameraPose, {3, 4}), "expected F32 [4, 4]"},
@@ -201,7 +201,7 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
   };
   const Hostile all[] = {
       {meta::kFormat, std::nullopt, "is not a Finsight model pack"},
-      {meta::kFormat, "1", "format version: found 1, expected 2"},
+      {meta::kFormat, "1", "format version: found 1, expected 3"},
       {meta::kFinger, std::nullopt, "metadata 'finger': found nothing"},
       {meta::kScene, std::nullopt, "metadata 'scene': found nothing"},
       {meta::kFinger, "", "metadata 'finger': found \"0 bytes\", expected 1 to 64 printable"},

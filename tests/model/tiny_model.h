@@ -27,7 +27,8 @@ struct TinyModel {
       contact_basis;  ///< the contact map has the same scale and weights
   bool has_contact_map = true;
   std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale,
-      radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1}, face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f};
+      radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1}, face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f},
+      per_g = std::vector<float>(3 * kPoseDims, 0.01F);
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::vector<float> prior_mean, prior_covariance, prior_noise;
@@ -52,6 +53,10 @@ struct TinyModel {
     parts.rated_deformation_mm = 10;
     parts.touch.threshold_mm = 2;
     parts.touch.range_mm = 40;
+    parts.touch.explained_above = -20;
+    parts.touch.stiffness_tolerance = 0.2F;
+    parts.touch.marker_tolerance_mm = 0.3F;
+    parts.touch.marker_tolerance_rad = 0.02F;
   }
 
   host::PackViews views() const {
@@ -69,6 +74,7 @@ struct TinyModel {
     all.touch.output_scale = output_scale;
     all.touch.radius_curve = radius_curve;
     all.touch.face_axes = face_axes;
+    all.touch.per_g = per_g;
     for (std::size_t i = 0; i < 3; ++i) {
       all.touch.layers[i] = {layer_width(i), layer_width(i + 1), weights[i], weight_scale[i], bias[i]};
     }
@@ -179,7 +185,7 @@ struct TinyModel {
     for (int i = 0; i < kPoseDims; ++i) touch_scale.push_back(i % 6 < 3 ? 1.f : 20.f);
     input_mean = numbers(random, TouchModel::kInputs, 0.1f);
     input_scale.assign(TouchModel::kInputs, 1.5f);
-    output_mean = {0, 60, 0, 0, 0, 2, 3, 0, 0, 0, 0, 0, 0, 0, 0, -1, -1, -1, -3, -3, -3};
+    output_mean = {0, 60, 0, 0, 0, 2, 3, 0, 0, 0, 0, 0, 0, 0, 0, -1, -1, -1, -3, -3, -3, 0};
     output_scale = {5, 20, 1, 0.5f, 0.5f, 2, 1, 0.3f, 0.3f, 0.05f, 0.05f, 0.05f};
     output_scale.resize(TouchModel::kOutputs, 0.1f);
     for (std::size_t i = 0; i < 3; ++i) {

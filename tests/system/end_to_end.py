@@ -252,7 +252,7 @@ class Hostgen(unittest.TestCase):
         packs = []
         for name, cores in (("one", "0"), ("two", "0,1")):
             path = WORK / f"{name}.safetensors"
-            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--points", "16", "--forces", "3",
+            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--scene", "probe", "--points", "16", "--forces", "3",
                        "--training-steps", "200"]
             if len(os.sched_getaffinity(0)) > 1:
                 command = ["taskset", "-c", cores] + command
@@ -336,7 +336,7 @@ def prepare():
     newest = max((BINARIES / "hostgen").stat().st_mtime, SPEC.stat().st_mtime)
     if not PACK.exists() or PACK.stat().st_mtime < newest:
         # A third of the quick profile's states: enough for the path; scripts/demo measures the quick profile itself.
-        subprocess.run([BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--points", "36", "--forces", "4",
+        subprocess.run([BINARIES / "hostgen", "build", SPEC, "-o", PACK, "--scene", "probe", "--points", "36", "--forces", "4",
                         "--training-steps", "4000"], check=True)
     if not SESSION.exists() or SESSION.stat().st_mtime < newest:
         subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", SESSION, "--size", "640x480", "--seconds", "8",

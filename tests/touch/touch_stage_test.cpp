@@ -143,7 +143,7 @@ TEST_CASE("touch stage: a point off the face, or a meaninglessly large radius, i
 TEST_CASE("touch stage: shaking widens the radius and leaves the point") {
   TouchStage stage(trained().model.view());
   const Touch calm = stage.locate(poses_of(kPushed)),
-              shaken = stage.locate(poses_of(kPushed), pose_vector(poses_of(kPushed)), 4);
+              shaken = stage.locate(poses_of(kPushed), pose_vector(poses_of(kPushed)), {.shaken_mm = 4});
   CHECK(shaken.point_mm == calm.point_mm);
   CHECK(shaken.radius_68_mm == doctest::Approx(std::hypot(calm.radius_68_mm, 3)));
 }
@@ -201,4 +201,69 @@ TEST_CASE("touch stage: locate() does not allocate") {
   CHECK(after == before);
   CHECK(before > 0);  // the counter works
   CHECK(sum != 0);
+}
+
+TEST_CASE("touch stage: a motion that no touch of the scene explains is not a touch") {
+  TouchModelData model = trained().model;
+  const Touch touch = TouchStage(model.view()).locate(poses_of(kPushed));
+  REQUIRE(touch.quality == Quality::kFresh);
+  CHECK_FALSE(touch.unexplained);
+  model.explained_above = touch.explained + 0.01F;
+  const Touch refused = TouchStage(model.view()).locate(poses_of(kPushed));
+  CHECK(refused.unexplained);
+  CHECK(refused.quality == Quality::kInvalid);
+  CHECK(refused.point_mm == Vec3f::Zero());
+  CHECK(refused.plate_motion_mm == touch.plate_motion_mm);
+}
+
+TEST_CASE("touch stage: what else may have moved the plates widens radius and deviations, and may be the explanation") {
+  TouchModelData model = trained().model;
+  for (std::size_t i = 0; i < model.per_g.size(); ++i) model.per_g[i] = i % 18 < 9 ? 0.3F : 0.01F;
+  model.marker_tolerance_mm = 0.3F;
+  model.marker_tolerance_rad = 0.02F;
+  TouchStage stage(model.view());
+  const PlatePoses poses = poses_of(kPushed);
+  const auto locate = [&](const Doubt& doubt) { return stage.locate(poses, pose_vector(poses), doubt); };
+  const Touch calm = locate({}), hanging = locate({.unknown_g = 0.8F}), unzeroed = locate({.is_from_rest = false});
+  REQUIRE(calm.quality == Quality::kFresh);
+  for (const Touch& wide : {hanging, unzeroed}) {
+    CHECK(wide.point_mm == calm.point_mm);
+    CHECK(wide.force_vector_n == calm.force_vector_n);
+    CHECK(wide.radius_68_mm > 1.05F * calm.radius_68_mm);
+    CHECK(wide.force_sigma_n > calm.force_sigma_n);
+    CHECK(wide.moment_sigma_nm[0] > calm.moment_sigma_nm[0]);
+    CHECK(wide.explained >= calm.explained);
+  }
+  // By hand, for one of the directions: the finger's own weight along x.
+  PoseVector moved = pose_vector(poses);
+  float square = calm.radius_68_mm * calm.radius_68_mm;
+  for (int axis = 0; axis < 3; ++axis) {
+    moved = pose_vector(poses);
+    for (int i = 0; i < kPoseDims; ++i) moved[i] += 0.8F * model.per_g[std::size_t(3 * i + axis)];
+    square += (stage.locate(poses, moved, {}).point_mm - calm.point_mm).squaredNorm();
+  }
+  CHECK(hanging.radius_68_mm == doctest::Approx(std::sqrt(square)));
+}
+
+TEST_CASE("touch stage: the force is only as sure as the finger's stiffness") {
+  TouchModelData model = trained().model;
+  const Touch exact = TouchStage(model.view()).locate(poses_of(kPushed));
+  model.stiffness_tolerance = 0.5F;
+  const Touch unsure = TouchStage(model.view()).locate(poses_of(kPushed));
+  CHECK(unsure.force_n == exact.force_n);
+  CHECK(unsure.radius_68_mm == exact.radius_68_mm);
+  CHECK(unsure.force_sigma_n == doctest::Approx(std::hypot(exact.force_sigma_n, 0.5F * exact.force_n)));
+}
+
+TEST_CASE("touch stage: a component of the force that the plates do not tell is not a number") {
+  const TouchModelData model = trained().model;
+  REQUIRE(TouchStage(model.view()).locate(poses_of(kPushed)).quality == Quality::kFresh);
+  const Touch nothing = TouchStage(model.view(), 0).locate(poses_of(kPushed));
+  CHECK(nothing.quality == Quality::kFresh);
+  CHECK(nothing.point_mm.allFinite());
+  CHECK(std::isfinite(nothing.force_n));
+  for (const Vec3f* vector : {&nothing.force_vector_n, &nothing.moment_nm, &nothing.wrench_force_n,
+                              &nothing.force_vector_sigma_n, &nothing.wrench_force_sigma_n}) {
+    CHECK(vector->array().isNaN().all());
+  }
 }

@@ -108,6 +108,33 @@ TEST_CASE("corners: exact to 0.02 pixels without noise, where the lens bends the
   for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.02F);
 }
 
+TEST_CASE("corners: the coding of grey levels, where it is known, does not move the edges") {
+  const Lens camera = camera_640x480();
+  Paint paint;
+  paint.read_noise = paint.shot_noise = paint.light_gradient = 0;
+  paint.blur_px = 1;
+  PaintedMarker marker;
+  marker.T_camera_marker = Eigen::Translation3d(3, 2, 70) * Eigen::AngleAxisd(3.1, Eigen::Vector3d::UnitX());
+  Image image(camera, paint);
+  image.add(marker);
+  std::vector<std::uint8_t> grey = image.develop(0);
+  for (std::uint8_t& level : grey) {  // as IEC 61966-2-1 codes light
+    const double light = level / 255.0;
+    const double coded = light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1 / 2.4) - 0.055;
+    level = static_cast<std::uint8_t>(std::lround(255 * coded));
+  }
+  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
+  const auto worst_px = [&](Coding coding) {
+    std::array<Vec2f, 4> corners = truth;
+    REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px, coding}, camera, corners));
+    float worst = 0;
+    for (std::size_t k = 0; k < 4; ++k) worst = std::max(worst, (corners[k] - truth[k]).norm());
+    return worst;
+  };
+  CHECK(worst_px(Coding::kLinear) > 0.1F);
+  CHECK(worst_px(Coding::kSrgb) < 0.07F);
+}
+
 TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
   const Lens camera = camera_640x480();
   PaintedMarker marker;

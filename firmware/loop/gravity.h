@@ -1,0 +1,43 @@
+// Takes out of the plate motions what gravity does to a finger that its arm turns.
+#pragma once
+
+#include <optional>
+
+#include "firmware/model/model.h"
+
+namespace finsight {
+
+/// The finger bends by its own weight. A zero absorbs that as it is when the zero is measured; after a turn of the
+/// gripper the difference remains. Linear in the difference: the motion for 1 g of the unbent finger comes with the
+/// pack.
+class GravityCorrection {
+ public:
+  /// Left over where the direction is known: two degrees of the arm's own error, and of the change since the zero what
+  /// a bent finger answers otherwise than an unbent one.
+  static constexpr float kKnown_g = 0.03F, kKnownChange = 0.12F;
+  /// Two random directions differ by 0.82 g along each axis, and an arm adds up to 2 g of its own.
+  static constexpr float kUnknownSinceZero_g = 1.2F, kUnknown_g = 1.0F;
+
+  /// `fixed_g`: the acceleration of things that fall, in the finger frame, where the finger never turns.
+  GravityCorrection(const TouchModel& model, const std::optional<Vec3f>& fixed_g);
+
+  /// What the arm says from now on; nothing: not known, or too old. Without effect where it is fixed.
+  void set_felt(const std::optional<Vec3f>& g) {
+    if (!is_fixed_) felt_g_ = g;
+  }
+  /// What was felt when the zero was measured; nothing if that is not known.
+  const std::optional<Vec3f>& at_zero() const { return at_zero_g_; }
+  void set_at_zero(const std::optional<Vec3f>& g) { at_zero_g_ = is_fixed_ ? felt_g_ : g; }
+  const std::optional<Vec3f>& felt() const { return felt_g_; }
+
+  /// Corrects poses that are relative to a zero if there `is_zeroed`, else to the model's rest, which is without
+  /// gravity. Returns Observation::unknown_g.
+  float apply(bool is_zeroed, PlatePoses& poses) const;
+
+ private:
+  Eigen::Matrix<float, kPoseDims, 3> per_g_;
+  bool is_fixed_;
+  std::optional<Vec3f> felt_g_, at_zero_g_;
+};
+
+}  // namespace finsight

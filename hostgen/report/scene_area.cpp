@@ -1,0 +1,324 @@
+// Area scene: does the published radius hold in what the pack's scene contains, and is what it does not contain found
+// out? Every case's states are solved for it and go through the whole firmware, with the spec's noise.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "firmware/geometry/so3.h"
+#include "firmware/loop/frame_loop.h"
+#include "firmware/modbus/register_table.h"
+#include "hostgen/fem/information.h"
+#include "hostgen/learn/touch_samples.h"
+#include "hostgen/report/areas.h"
+#include "hostgen/report/scene_cases.h"
+#include "hostgen/util/common.h"
+#include "hostgen/util/gnuplot.h"
+#include "hostgen/util/random.h"
+#include "hostgen/util/statistics.h"
+
+namespace finsight::host {
+
+using nlohmann::json;
+
+namespace {
+
+constexpr int kRepeats = 10;
+constexpr int kCurveSteps = 30;  // of a tenth of a radius
+
+/// One state, measured once.
+struct Trial {
+  bool is_published = false, is_unexplained = false, has_shape = false;
+  Vec3f truth_mm = Vec3f::Zero(), found_mm = Vec3f::Zero();
+  double error_mm = 0, radius_mm = 0;
+  Eigen::Array<double, 6, 1> wrench_error = Eigen::Array<double, 6, 1>::Zero(), wrench_sigma = wrench_error;
+  bool is_lie() const { return is_published && error_mm > 3 * radius_mm; }
+};
+
+/// A published value of a single register; NaN where it is not valid.
+double published(const RegisterImage& image, int address) {
+  const RegisterRow& row = measurement_row(address);
+  const auto word = image.words[static_cast<std::size_t>(row.address)];
+  const std::uint16_t invalid = row.type == RegisterType::kInt16 ? 0x8000 : 0xFFFF;
+  if (word == invalid) return std::numeric_limits<double>::quiet_NaN();
+  return row.scale * (row.type == RegisterType::kInt16 ? static_cast<std::int16_t>(word) : static_cast<double>(word));
+}
+
+/// What the camera measures of a finger whose markers are stuck on beside their places.
+PlateMotion shown_by_marker(const PlateMotion& plate, const Vec3f& offset_mm, const Eigen::Matrix3f& turned) {
+  const Eigen::Matrix3f R = so3_exp(plate.rotation_rad);
+  return {plate.displacement_mm + R * offset_mm, so3_log(Eigen::Matrix3f(R * turned))};
+}
+
+/// One device on one finger: markers where they are stuck, zeroed.
+class Finger {
+ public:
+  Finger(const Model& model, const FingerSpec& spec, const SceneCase& scene_case, Random& random)
+      : model_(model),
+        spec_(spec),
+        case_(scene_case),
+        random_(random),
+        loop_(model, std::nullopt, settings(scene_case)) {
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      for (int i = 0; i < 3; ++i) {
+        offset_mm_[p][i] = static_cast<float>(scene_case.marker_mm * random.normal());
+        turn_rad_[p][i] = static_cast<float>(scene_case.marker_rad * random.normal());
+      }
+    }
+  }
+
+  void zero(const std::array<PlateMotion, kPlates>& plates) {
+    loop_.gravity().set_felt(Vec3f(0, -1, 0));
+    if (case_.gravity == SceneCase::Gravity::kUnknown) loop_.gravity().set_felt(std::nullopt);
+    loop_.zeroing().begin();
+    while (!loop_.zeroing().take_outcome()) measure(plates);
+  }
+
+  Trial touch(const FemState& state) {
+    if (case_.gravity == SceneCase::Gravity::kKnown) loop_.gravity().set_felt(case_.felt_g.cast<float>());
+    const RegisterImage& image = measure(state.plates);
+    const std::uint16_t status = image.words[address_of("status")];
+    Trial trial;
+    trial.is_published = status & kTouchValid;
+    trial.is_unexplained = status & kUnexplained;
+    trial.has_shape = status & kShapeValid;
+    trial.truth_mm = state.point_mm;
+    if (!trial.is_published) return trial;
+    for (int i = 0; i < 3; ++i) trial.found_mm[i] = static_cast<float>(published(image, address_of("touch_x") + i));
+    trial.error_mm = static_cast<double>((trial.found_mm - trial.truth_mm).norm());
+    trial.radius_mm = published(image, address_of("touch_uncertainty"));
+    for (int i = 0; i < 3; ++i) {
+      trial.wrench_error[i] =
+          published(image, address_of("force_normal") + i) - static_cast<double>(state.force_vector_n[i]);
+      trial.wrench_sigma[i] = published(image, address_of("force_normal_uncertainty") + i);
+      trial.wrench_error[3 + i] =
+          published(image, address_of("wrench_moment_x") + i) - static_cast<double>(state.moment_nmm[i]) / kNmmPerNm;
+      trial.wrench_sigma[3 + i] = published(image, address_of("wrench_moment_x_uncertainty") + i);
+    }
+    return trial;
+  }
+
+ private:
+  static LoopSettings settings(const SceneCase& scene_case) {
+    LoopSettings settings;
+    settings.shape.tier = ShapeSettings::Tier::kMeasures;
+    if (scene_case.gravity != SceneCase::Gravity::kNone) settings.fixed_g.reset();
+    return settings;
+  }
+
+  const RegisterImage& measure(const std::array<PlateMotion, kPlates>& plates) {
+    PlatePoses poses{.plates = plates, .seen = {true, true, true}, .quality = Quality::kFresh};
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      poses.plates[p] = shown_by_marker(plates[p], offset_mm_[p], so3_exp(turn_rad_[p]));
+    }
+    PoseVector numbers = pose_vector(poses);
+    add_noise(spec_.noise, random_, numbers);
+    if (case_.motion == SceneCase::Motion::kLoosePlate) loosen_plate(random_, numbers);
+    if (case_.motion == SceneCase::Motion::kSwing) swing(numbers);
+    sequence_ += 100;  // frames far apart: nothing is shaken
+    Observation seen{
+        .exposure_ns = sequence_ * kNsPerS, .sequence = sequence_, .poses = seen_poses({numbers.data(), kPoseDims})};
+    return loop_.step(seen);
+  }
+
+  void swing(PoseVector& numbers) {
+    constexpr double kSwing_mm = 2;
+    const double angle = random_.uniform(0, 2 * 3.14159265358979);
+    std::array<double, kPlates> height_mm;
+    for (std::size_t p = 0; p < kPlates; ++p) height_mm[p] = spec_.plates[p].T_finger_marker.translation().y();
+    deflect(height_mm, kSwing_mm * std::cos(angle), kSwing_mm * std::sin(angle), numbers);
+  }
+
+  const Model& model_;
+  const FingerSpec& spec_;
+  const SceneCase& case_;
+  Random& random_;
+  FrameLoop loop_;
+  std::array<Vec3f, kPlates> offset_mm_, turn_rad_;
+  std::uint32_t sequence_ = 1;
+};
+
+/// Only touches that move a plate far enough for a touch to be published.
+bool is_firm(const FingerSpec& spec, const CaseState& solved) {
+  float motion_mm = 0;
+  for (const PlateMotion& plate : solved.state.plates) motion_mm = std::max(motion_mm, plate.displacement_mm.norm());
+  return static_cast<double>(motion_mm) >= spec.threshold_mm + 0.2;
+}
+
+std::vector<Trial> run_case(const Model& model, const FingerSpec& spec, const SceneCase& scene_case, int places) {
+  std::vector<Trial> trials;
+  Random random(99);
+  for (const CaseState& solved : solve_case(spec, scene_case, places)) {
+    if (!is_firm(spec, solved)) continue;
+    for (int k = 0; k < kRepeats; ++k) {
+      Finger finger(model, spec, scene_case, random);
+      if (scene_case.marker_mm > 0 || scene_case.gravity != SceneCase::Gravity::kNone) finger.zero(solved.at_zero);
+      trials.push_back(finger.touch(solved.state));
+    }
+  }
+  return trials;
+}
+
+struct Summary {
+  explicit Summary(const std::vector<Trial>& trials) : count(trials.size()) {
+    Eigen::Array<double, 6, 1> square = Eigen::Array<double, 6, 1>::Zero(), told = square;
+    for (const Trial& trial : trials) {
+      published += trial.is_published;
+      unexplained += trial.is_unexplained;
+      lies += trial.is_lie();
+      if (!trial.is_published) continue;
+      errors_mm.push_back(trial.error_mm);
+      for (int k = 0; k < kCurveSteps; ++k) {
+        curve[static_cast<std::size_t>(k)] += trial.error_mm <= 0.1 * (k + 1) * trial.radius_mm;
+      }
+      for (int i = 0; i < 6; ++i) {
+        if (std::isnan(trial.wrench_error[i])) continue;
+        ++told[i];
+        square[i] += trial.wrench_error[i] * trial.wrench_error[i];
+        wrench_inside[i] += std::abs(trial.wrench_error[i]) <= trial.wrench_sigma[i];
+      }
+    }
+    for (double& share : curve) share /= std::max(1.0, published);
+    wrench_rmse = (square / told.max(1.0)).sqrt();
+    wrench_inside /= told.max(1.0);
+    wrench_told = told / std::max(1.0, published);
+  }
+
+  json figures() const {
+    const double of = std::max<double>(1, static_cast<double>(count)), touches = std::max(1.0, published);
+    double sum_mm = 0;
+    for (const double error : errors_mm) sum_mm += error;
+    json row = {
+        {"trials", count}, {"published", published / of}, {"unexplained", unexplained / of}, {"lies", lies / of}};
+    if (published == 0) return row;
+    const auto three = [](const auto& numbers, int first) {
+      return json::array({numbers[first], numbers[first + 1], numbers[first + 2]});
+    };
+    row.update({{"touch_mm", sum_mm / touches},
+                {"touch_95_mm", quantile(errors_mm, 0.95)},
+                {"inside_radius", curve[9]},
+                {"inside_twice", curve[19]},
+                {"force_rmse_n", three(wrench_rmse, 0)},
+                {"force_inside", three(wrench_inside, 0)},
+                {"force_told", three(wrench_told, 0)},
+                {"moment_rmse_nm", three(wrench_rmse, 3)},
+                {"moment_inside", three(wrench_inside, 3)}});
+    return row;
+  }
+
+  std::size_t count;
+  double published = 0, unexplained = 0, lies = 0;
+  std::vector<double> errors_mm;
+  std::array<double, kCurveSteps> curve{};
+  Eigen::Array<double, 6, 1> wrench_rmse, wrench_inside = Eigen::Array<double, 6, 1>::Zero(),
+                                          wrench_told = wrench_inside;
+};
+
+struct CaseResult {
+  SceneCase scene_case;
+  std::vector<Trial> trials;
+  Summary summary;
+};
+
+/// Where touches were and where they were published, over the face; a line joins the two.
+void plot_faces(const std::vector<CaseResult>& results, const FingerSpec& spec, const std::filesystem::path& file) {
+  constexpr std::size_t kColumns = 6;
+  const std::size_t rows = (results.size() + kColumns - 1) / kColumns;
+  Gnuplot plot(file);
+  plot.line("set term svg size 1200," + std::to_string(260 * rows) + " font ',10' background 'white'");
+  plot.line("set multiplot layout " + std::to_string(rows) + "," + std::to_string(kColumns));
+  const double half_mm = spec.half_width.at(spec.touch_y_mm[0]);
+  plot.line("unset key; set size ratio -1; set xrange [" + std::to_string(-half_mm - 8) + ":" +
+            std::to_string(half_mm + 8) + "]; set yrange [0:" + std::to_string(spec.height_mm) + "]; unset tics");
+  for (const CaseResult& result : results) {
+    plot.line("$lines << E");
+    for (std::size_t i = 0; i < result.trials.size(); i += kRepeats) {
+      const Trial& trial = result.trials[i];
+      if (!trial.is_published) continue;
+      const Vec3f away = trial.found_mm - trial.truth_mm;
+      plot.line(std::to_string(trial.truth_mm.x()) + " " + std::to_string(trial.truth_mm.y()) + " " +
+                std::to_string(away.x()) + " " + std::to_string(away.y()) + " " + (trial.is_lie() ? "1" : "0"));
+    }
+    plot.line("-999 -999 0 0 0\nE\n$hidden << E");
+    for (std::size_t i = 0; i < result.trials.size(); i += kRepeats) {
+      const Trial& trial = result.trials[i];
+      if (!trial.is_published) plot.line(std::to_string(trial.truth_mm.x()) + " " + std::to_string(trial.truth_mm.y()));
+    }
+    plot.line("-999 -999\nE\nset title \"" + result.scene_case.name + "\"");
+    plot.line(
+        "plot $hidden using 1:2 with points pt 6 ps 0.4 lc 'gray', $lines using 1:2:3:4:($5 > 0 ? 0xcc2222 : 0x2255aa) "
+        "with vectors nohead lw 1.5 lc rgb variable, $lines using ($1+$3):($2+$4):($5 > 0 ? 0xcc2222 : 0x2255aa) with "
+        "points pt 7 ps 0.3 lc rgb variable");
+  }
+  plot.line("unset multiplot");
+  plot.finish();
+}
+
+void plot_reliability(const std::vector<CaseResult>& results, const std::string& scene,
+                      const std::filesystem::path& file) {
+  Gnuplot plot(file);
+  std::string curves;
+  int index = 0;
+  for (const CaseResult& result : results) {
+    if (!result.scene_case.is_contained_in(scene) || result.summary.published == 0) continue;
+    const std::string name = "$case" + std::to_string(index++);
+    plot.line(name + " << E\n0 0");
+    for (int k = 0; k < kCurveSteps; ++k) {
+      plot.line(std::to_string(0.1 * (k + 1)) + " " +
+                std::to_string(result.summary.curve[static_cast<std::size_t>(k)]));
+    }
+    plot.line("E");
+    curves += (curves.empty() ? "plot " : ", ") + name + " with lines lw 1.5 title \"" + result.scene_case.name + "\"";
+  }
+  if (curves.empty()) return;
+  plot.line("$aim << E\n1 0.68\n2 0.95\nE");
+  plot.line("set xlabel 'radius, in published radii'; set ylabel 'share of errors inside'; set grid; set yrange [0:1]");
+  plot.line("set key outside right font ',9'");
+  plot.line(curves + ", $aim using 1:2:(0.03) with yerrorbars pt 1 lc 'black' title 'aim'");
+  plot.finish();
+}
+
+json floor_json(const FingerSpec& spec, bool quick) {
+  json rows = json::array();
+  for (const InformationLimit& limit : information_limits(spec, quick ? 6 : 30)) {
+    json row = {{"unknown", limit.name}, {"states", limit.states}};
+    for (const auto& [parameter, deviation] : limit.deviations) row[parameter] = deviation;
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+}  // namespace
+
+json measure_scenes(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
+  std::vector<CaseResult> results;
+  json rows = json::array();
+  double worst_cover = 0, worst_lies = 0;
+  Progress progress("cases", scene_cases().size());
+  for (const SceneCase& scene_case : scene_cases()) {
+    std::vector<Trial> trials = run_case(model, spec, scene_case, quick ? 8 : 40);
+    const Summary summary(trials);
+    json row = summary.figures();
+    row["case"] = scene_case.name;
+    std::printf("%s\n", row.dump().c_str());
+    std::fflush(stdout);
+    row["contained"] = scene_case.is_contained_in(model.scene);
+    worst_lies = std::max(worst_lies, row["lies"].get<double>());
+    if (row["contained"].get<bool>() && summary.published > 0) {
+      worst_cover = std::max(worst_cover, std::abs(summary.curve[9] - 0.68));
+    }
+    rows.push_back(row);
+    results.push_back({scene_case, std::move(trials), summary});
+    progress.advance();
+  }
+  plot_faces(results, spec, folder / "scene_faces.svg");
+  plot_reliability(results, model.scene, folder / "scene_reliability.svg");
+  return {{"scene",
+           {{"name", model.scene},
+            {"cases", rows},
+            {"floor", floor_json(spec, quick)},
+            {"worst_coverage_error", worst_cover},
+            {"worst_lies", worst_lies}}}};
+}
+
+}  // namespace finsight::host

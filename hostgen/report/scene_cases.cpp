@@ -1,0 +1,192 @@
+#include "hostgen/report/scene_cases.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "hostgen/fem/scene_contacts.h"
+#include "hostgen/fem/statics.h"
+#include "hostgen/finger/grid.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+namespace {
+
+using Load = SceneCase::Load;
+using Gravity = SceneCase::Gravity;
+
+constexpr int kForces = 2;
+constexpr double kTwoApart_mm[] = {20, 60};
+
+/// Two points of the face, that far apart along its length or across it as there is room.
+Eigen::Vector2d second_place(const FingerSpec& spec, const Eigen::Vector2d& first_mm, Random& random) {
+  const double apart_mm = random.uniform(kTwoApart_mm[0], kTwoApart_mm[1]);
+  const double up_mm = spec.touch_y_mm[1] - first_mm.y(), down_mm = first_mm.y() - spec.touch_y_mm[0];
+  const double y = up_mm > down_mm ? std::min(apart_mm, up_mm) : -std::min(apart_mm, down_mm);
+  const double x = std::sqrt(std::max(0.0, apart_mm * apart_mm - y * y));
+  return first_mm + Eigen::Vector2d(first_mm.x() > 0 ? -x : x, y);
+}
+
+std::vector<FaceContact> contacts_of(const PushedFinger& finger, const SceneCase& scene_case,
+                                     const Eigen::Vector2d& place_mm, Random& random) {
+  const FingerSpec& spec = finger.spec;
+  FaceContact contact{.centre_mm = place_mm, .full_force_n = spec.force_n[1]};
+  const double sign = random.uniform() < 0.5 ? -1 : 1;
+  switch (scene_case.load) {
+    case Load::kPoint:
+      break;
+    case Load::kAlong:
+      contact.friction = {0, scene_case.friction};
+      break;
+    case Load::kAgainst:
+      contact.friction = {0, -scene_case.friction};
+      break;
+    case Load::kAcross:
+      contact.friction = {sign * scene_case.friction, 0};
+      break;
+    case Load::kDisc:
+      contact.radius_mm = 0.5 * scene_case.diameter_mm;
+      contact.pressure = Pressure::kEven;
+      break;
+    case Load::kLine:
+      contact.centre_mm.x() = 0;
+      contact.half_length_mm = 2 * spec.half_width.at(place_mm.y());
+      break;
+    case Load::kTwo: {
+      FaceContact second = contact;
+      second.centre_mm = finger.inside(second_place(spec, place_mm, random));
+      second.share = scene_case.second_share;
+      contact.share = 1 - second.share;
+      return {contact, second};
+    }
+    case Load::kSide:
+      contact.side = sign > 0 ? Side::kLeft : Side::kRight;
+      contact.centre_mm = {0.5 * (spec.front_z.at(place_mm.y()) + spec.back_z.at(place_mm.y())), place_mm.y()};
+      break;
+    case Load::kBack:
+      contact.side = Side::kBack;
+      break;
+    case Load::kTip:
+      contact.side = Side::kTip;
+      contact.centre_mm = {place_mm.x(), 0.5 * (spec.front_z.at(spec.height_mm) + spec.back_z.at(spec.height_mm))};
+      break;
+  }
+  return {contact};
+}
+
+std::array<PlateMotion, kPlates> hanging(FingerStatics& statics, const FaceContact& somewhere,
+                                         const Eigen::Vector3d& felt_g) {
+  statics.begin({somewhere}, felt_g);
+  return statics.state().plates;
+}
+
+}  // namespace
+
+bool SceneCase::is_contained_in(const std::string& scene) const {
+  return std::ranges::find(scenes, scene) != scenes.end();
+}
+
+std::vector<SceneCase> scene_cases() {
+  constexpr double kDegree = std::numbers::pi / 180;
+  const std::vector<std::string> all = {"probe", "grasp", "two"}, objects = {"grasp", "two"}, both = {"two"};
+  std::vector<SceneCase> cases = {{.name = "frictionless point", .scenes = all}};
+  const auto add = [&](SceneCase added) { cases.push_back(std::move(added)); };
+  for (const auto& [friction, text] : {std::pair{0.2, "0.2"}, {0.4, "0.4"}, {0.6, "0.6"}}) {
+    for (const auto& [load, where] : {std::pair{Load::kAlong, "away from the base"},
+                                      {Load::kAgainst, "towards the base"},
+                                      {Load::kAcross, "across"}}) {
+      add({.name = std::string("friction ") + text + ", " + where,
+           .scenes = objects,
+           .load = load,
+           .friction = friction});
+    }
+  }
+  for (const int diameter_mm : {5, 10, 20}) {
+    add({.name = "disc of " + std::to_string(diameter_mm) + " mm",
+         .scenes = objects,
+         .load = Load::kDisc,
+         .diameter_mm = static_cast<double>(diameter_mm)});
+  }
+  add({.name = "line across the face", .scenes = objects, .load = Load::kLine});
+  add({.name = "Young's modulus x 0.8", .scenes = all, .stiffness = 0.8});
+  add({.name = "Young's modulus x 1.25", .scenes = all, .stiffness = 1.25});
+  add({.name = "walls 0.3 mm thinner", .wall_mm = -0.3});
+  add({.name = "walls 0.3 mm thicker", .wall_mm = 0.3});
+  add({.name = "markers 0.5 mm, 1 deg off, zeroed",
+       .scenes = all,
+       .marker_mm = 0.5 / std::sqrt(3.0),
+       .marker_rad = kDegree / std::sqrt(3.0)});
+  const Eigen::Vector3d level(0, 0, 1), sideways(1, 0, 0), down(0, 1, 0);
+  add({.name = "turned by 90 deg, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = level});
+  add({.name = "turned by 90 deg, unknown", .scenes = all, .gravity = Gravity::kUnknown, .felt_g = level});
+  add({.name = "turned sideways, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = sideways});
+  add({.name = "turned sideways, unknown", .scenes = all, .gravity = Gravity::kUnknown, .felt_g = sideways});
+  add({.name = "turned by 180 deg, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = down});
+  add({.name = "turned by 180 deg, unknown", .scenes = all, .gravity = Gravity::kUnknown, .felt_g = down});
+  add({.name = "3 g, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = 3 * level});
+  add({.name = "3 g, unknown", .gravity = Gravity::kUnknown, .felt_g = 3 * level});
+  add({.name = "two points 1:1", .scenes = both, .load = Load::kTwo, .second_share = 0.5});
+  add({.name = "two points 2:1", .scenes = both, .load = Load::kTwo, .second_share = 1.0 / 3});
+  add({.name = "pushed at a side", .load = Load::kSide});
+  add({.name = "pushed at the back", .load = Load::kBack});
+  add({.name = "pushed at the tip", .load = Load::kTip});
+  add({.name = "a plate came loose", .motion = SceneCase::Motion::kLoosePlate});
+  add({.name = "swinging by 2 mm", .motion = SceneCase::Motion::kSwing});
+  return cases;
+}
+
+FingerSpec spec_of(const FingerSpec& spec, const SceneCase& scene_case) {
+  FingerSpec other = spec;
+  other.youngs_modulus_mpa *= scene_case.stiffness;
+  // A wall grows to its inside: what touches the finger stays where it is, and so do the plates. The sides are open.
+  for (double* wall_mm : {&other.front_wall_mm, &other.back_wall_mm}) *wall_mm += scene_case.wall_mm;
+  for (int p = 0; p < kPlates; ++p) {
+    const double y_mm = plate_bottom_mm(spec, p);
+    const auto depth_mm = [&](const FingerSpec& of) { return inner_back_mm(of, y_mm) - inner_front_mm(of, y_mm); };
+    for (double& end : other.plates[static_cast<std::size_t>(p)].deep) {
+      const double at_mm = inner_front_mm(spec, y_mm) + end * depth_mm(spec);
+      end = (at_mm - inner_front_mm(other, y_mm)) / depth_mm(other);
+    }
+  }
+  return other;
+}
+
+std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene_case, int places) {
+  const FingerSpec own = spec_of(spec, scene_case);
+  const auto finger = std::make_shared<const PushedFinger>(own, make_mesh(own));
+  const std::vector<Vec3f> at = touch_points(spec, places);
+  std::vector<std::vector<CaseState>> found(at.size());
+  const bool hangs = scene_case.gravity != Gravity::kNone;
+  const Eigen::Vector3d felt_g = hangs ? scene_case.felt_g : Eigen::Vector3d::Zero(),
+                        zero_g = hangs ? Eigen::Vector3d(0, -1, 0) : Eigen::Vector3d::Zero();
+  parallel_for(at.size(), [&](std::size_t i) {
+    Random random(7'000'000 + i);
+    const Eigen::Vector2d away_mm(random.uniform(-4, 4), random.uniform(-4, 4));
+    const Eigen::Vector2d place_mm = finger->inside(at[i].head<2>().cast<double>() + away_mm);
+    const std::vector<FaceContact> contacts = contacts_of(*finger, scene_case, place_mm, random);
+    FingerStatics statics(finger);
+    CaseState solved{.state = {}, .untouched = {}, .at_zero = {}};
+    if (hangs) {
+      solved.untouched = hanging(statics, contacts.front(), felt_g);
+      solved.at_zero = hanging(statics, contacts.front(), zero_g);
+    }
+    std::array<double, kForces> force_n;
+    for (double& f : force_n) f = random.uniform(spec.force_n[0], spec.force_n[1]);
+    std::ranges::sort(force_n);
+    statics.begin(contacts, felt_g);
+    for (const double f : force_n) {
+      if (!statics.press(f)) break;
+      solved.state = statics.state();
+      solved.state.path = static_cast<std::int32_t>(i);
+      if (!solved.state.valid()) break;
+      found[i].push_back(solved);
+    }
+  });
+  std::vector<CaseState> all;
+  for (const auto& part : found) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,49 @@
+// What a finger may meet, one kind of touch at a time: the cases that area scene judges a pack by. None of their states
+// is one that a pack is trained on.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hostgen/fem/dataset.h"
+
+namespace finsight::host {
+
+/// States of one kind, and all that differs from the pack's finger at rest, upright and as its spec has it.
+struct SceneCase {
+  std::string name;
+  std::vector<std::string> scenes = {};  ///< that contain it
+  enum class Load { kPoint, kAlong, kAcross, kAgainst, kDisc, kLine, kTwo, kSide, kBack, kTip };
+  Load load = Load::kPoint;
+  double friction = 0;
+  double diameter_mm = 0;
+  double second_share = 0;               ///< of the force, at the second of two points
+  double stiffness = 1;                  ///< Young's modulus, relative
+  double wall_mm = 0;                    ///< added to every wall
+  double marker_mm = 0, marker_rad = 0;  ///< how far markers stick from their place: standard deviations, by axis
+  enum class Gravity { kNone, kKnown, kUnknown };
+  Gravity gravity = Gravity::kNone;
+  Eigen::Vector3d felt_g = {0, -1, 0};  ///< at the touch; at the zero the finger stands upright. With gravity only
+  enum class Motion { kTouch, kLoosePlate, kSwing };
+  Motion motion = Motion::kTouch;  ///< what else moves the plates
+
+  bool is_contained_in(const std::string& scene) const;
+  /// Whether a point of the face is what a touch should be published at.
+  bool is_on_face() const { return load < Load::kSide; }
+};
+
+std::vector<SceneCase> scene_cases();
+
+/// The finger of a case: its own mesh where its walls differ.
+FingerSpec spec_of(const FingerSpec& spec, const SceneCase& scene_case);
+
+/// A state of a case and how the plates stand in it when nothing touches the finger.
+struct CaseState {
+  FemState state;
+  std::array<PlateMotion, kPlates> untouched, at_zero;
+};
+/// States at `places` places, two forces each; those that are no equilibrium are left out. On all cores; the same
+/// arguments give the same states.
+std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene_case, int places);
+
+}  // namespace finsight::host
