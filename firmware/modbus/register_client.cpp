@@ -9,6 +9,9 @@ namespace finsight {
 
 struct RegisterClient::Connection {
   modbus_t* context;
+  explicit Connection(modbus_t* opened) : context(opened) {}
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
   ~Connection() {
     modbus_close(context);
     modbus_free(context);

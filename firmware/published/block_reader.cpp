@@ -89,7 +89,8 @@ std::optional<PublishedFrame> BlockReader::frame(std::vector<std::int16_t>* shap
                                           std::memcpy(&points, at + sizeof frame, sizeof points);
                                           if (points != header.shape_points) points = 0;
                                           shape->resize(3 * points);
-                                          std::memcpy(shape->data(), at + sizeof frame + sizeof points, points * 6);
+                                          if (points > 0)
+                                            std::memcpy(shape->data(), at + sizeof frame + sizeof points, points * 6);
                                         });
     if (whole) return frame;
   }

@@ -122,7 +122,8 @@ void BlockWriter::publish(PublishedFrame& frame, std::span<const std::int16_t> s
                       slot.number = frames_;
                       std::memcpy(bytes, &frame, sizeof frame);
                       std::memcpy(bytes + sizeof frame, &points, sizeof points);
-                      std::memcpy(bytes + sizeof frame + sizeof points, shape.data(), points * 6);
+                      // An empty shape has no address, which memcpy() must not be given.
+                      if (points > 0) std::memcpy(bytes + sizeof frame + sizeof points, shape.data(), points * 6);
                     });
   block::word(header.newest_frame).store(frames_, std::memory_order_release);
 

@@ -54,11 +54,7 @@ PlateMotion shown_by_marker(const PlateMotion& plate, const Vec3f& offset_mm, co
 class Finger {
  public:
   Finger(const Model& model, const FingerSpec& spec, const SceneCase& scene_case, Random& random)
-      : model_(model),
-        spec_(spec),
-        case_(scene_case),
-        random_(random),
-        loop_(model, std::nullopt, settings(scene_case)) {
+      : spec_(spec), case_(scene_case), random_(random), loop_(model, std::nullopt, settings(scene_case)) {
     for (std::size_t p = 0; p < kPlates; ++p) {
       for (int i = 0; i < 3; ++i) {
         offset_mm_[p][i] = static_cast<float>(scene_case.marker_mm * random.normal());
@@ -129,7 +125,6 @@ class Finger {
     deflect(height_mm, kSwing_mm * std::cos(angle), kSwing_mm * std::sin(angle), numbers);
   }
 
-  const Model& model_;
   const FingerSpec& spec_;
   const SceneCase& case_;
   Random& random_;
