@@ -37,7 +37,7 @@ def states():
     file = WORK / "gripper-states.safetensors"
     if not file.exists() or file.stat().st_mtime < PACK.stat().st_mtime:
         file.unlink(missing_ok=True)
-        subprocess.run([BINARIES / "hostgen", "dataset", SPEC, "-o", file, "--points", "48", "--forces", "6"], check=True)
+        subprocess.run([BINARIES / "hostgen", "dataset", SPEC, "--scene", "probe", "-o", file, "--points", "48", "--forces", "6"], check=True)
     return file
 
 
