@@ -171,7 +171,7 @@ const ModbusRTU = require('modbus-serial');
                 self.assertNotEqual(answer.returncode, 0)
                 self.assertIn(reason, answer.stderr)
         self.assertEqual(settings(), before)
-        self.assertEqual(len(before), 15)
+        self.assertEqual(len(before), 18)  # 15 settings, and gravity
         for words, reason in (((), "expected watch, show, set or do"), (("show",), "show: expected the device's address")):
             answer = run(SOURCE / "scripts" / "finsightctl", *words)
             self.assertEqual(answer.returncode, 2)
