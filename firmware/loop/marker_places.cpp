@@ -11,12 +11,6 @@ namespace {
 
 constexpr double kMount_mm = 1, kMount_rad = 0.026;
 
-Eigen::Matrix3d cross(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d matrix;
-  matrix << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return matrix;
-}
-
 }  // namespace
 
 // The zero y is A m + s, with the camera's six numbers m and the markers' s. Given y, the mean of s is
@@ -35,7 +29,7 @@ void MarkerPlaces::estimate(const ZeroPose& zero) {
     shown.segment<6>(6 * p) << zero[plate].displacement_mm.cast<double>(), zero[plate].rotation_rad.cast<double>();
     own_variance.segment<6>(6 * p) << mm * mm, mm * mm, mm * mm, rad * rad, rad * rad, rad * rad;
     by_mount.block<3, 3>(6 * p, 0) = kMount_mm * Eigen::Matrix3d::Identity();
-    by_mount.block<3, 3>(6 * p, 3) = -kMount_rad * cross(from_camera.cast<double>());
+    by_mount.block<3, 3>(6 * p, 3) = -kMount_rad * cross_matrix(from_camera.cast<double>());
     by_mount.block<3, 3>(6 * p + 3, 3) = kMount_rad * Eigen::Matrix3d::Identity();
   }
   Matrix variance = by_mount * by_mount.transpose();

@@ -87,7 +87,7 @@ std::uint16_t Control::word(int address, const ClientAccess& access, std::int64_
     case kGravityRegister:
     case kGravityRegister + 1:
     case kGravityRegister + 2:
-      return gravity_[static_cast<std::size_t>(address - kGravityRegister)];
+      return static_cast<std::uint16_t>(packed_gravity_ >> (16 * (address - kGravityRegister)));
     case address_of("recording_s"):
       return recording_s_;
     case address_of("recording_mb_left"):
@@ -164,10 +164,7 @@ Exception Control::write_command(std::uint16_t command, std::uint16_t sequence, 
 
 void Control::write_gravity(std::span<const std::uint16_t> words, std::int64_t now_ns) {
   std::uint64_t packed = 0;
-  for (std::size_t i = 0; i < gravity_.size(); ++i) {
-    gravity_[i] = words[i];
-    packed |= std::uint64_t{words[i]} << (16 * i);
-  }
+  for (std::size_t i = 0; i < words.size(); ++i) packed |= std::uint64_t{words[i]} << (16 * i);
   packed_gravity_ = packed;
   gravity_ns_ = now_ns;
 }

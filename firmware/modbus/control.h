@@ -127,7 +127,6 @@ class Control {
   RuntimeSettings settings_;
   CommandHistory history_;
   std::uint16_t refresh_ = 0;
-  std::array<std::uint16_t, kGravityRegisters> gravity_{};
   ServerCounts counts_;
   DeviceIdentity identity_;
 

@@ -55,15 +55,6 @@ std::optional<PoseVectorOf<double>> motion(FingerStatics& statics, const std::ve
   return pose_vector(poses).cast<double>();
 }
 
-PoseVectorOf<double> noise_of(const FingerSpec& spec) {
-  PoseVectorOf<double> noise;
-  for (int i = 0; i < kPoseDims; ++i) {
-    const auto sigmas = spec.noise[static_cast<std::size_t>(i / 6)].standard_deviations();
-    noise[i] = std::max(sigmas[static_cast<std::size_t>(i % 6)], PoseNoise::kMin);
-  }
-  return noise;
-}
-
 /// The standard deviations of the unknowns around these contacts; nothing where they do not bend the finger enough.
 std::optional<Eigen::VectorXd> deviations(FingerStatics& statics, const FingerSpec& spec,
                                           const std::vector<Numbers>& contacts, const std::vector<Unknown>& unknowns) {
@@ -73,7 +64,7 @@ std::optional<Eigen::VectorXd> deviations(FingerStatics& statics, const FingerSp
   for (int p = 0; p < kPlates; ++p) furthest_mm = std::max(furthest_mm, here->segment<3>(6 * p).norm());
   if (furthest_mm < kFirm_mm) return std::nullopt;
   const auto count = static_cast<Eigen::Index>(unknowns.size());
-  const PoseVectorOf<double> noise = noise_of(spec);
+  const PoseVectorOf<double> noise = pose_noise(spec.noise);
   Eigen::MatrixXd slope(kPoseDims, count);
   Eigen::VectorXd prior(count);
   for (Eigen::Index k = 0; k < count; ++k) {

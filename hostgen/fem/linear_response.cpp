@@ -25,11 +25,9 @@ LinearResponse::LinearResponse(const PushedFinger& finger) : finger_(finger) {
   Equilibrium::Columns wanted(size, kPoseDims), W = Equilibrium::Columns::Zero(size, kPoseDims);
   Eigen::VectorXd column(size), product(size);
   const auto span = [](Eigen::VectorXd& v) { return std::span<double>(v.data(), static_cast<std::size_t>(v.size())); };
+  const Numbers sigma = pose_noise(finger.spec.noise);
   for (int i = 0; i < kPoseDims; ++i) {
-    const double sigma = std::max(
-        finger.spec.noise[static_cast<std::size_t>(i / 6)].standard_deviations()[static_cast<std::size_t>(i % 6)],
-        PoseNoise::kMin);
-    errors.transpose(sigma * Numbers::Unit(i), span(column));
+    errors.transpose(sigma[i] * Numbers::Unit(i), span(column));
     wanted.col(i) = column;
   }
   Equilibrium::Columns missing = wanted;

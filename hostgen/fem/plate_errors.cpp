@@ -32,9 +32,7 @@ PlateErrors::PlateErrors(const FingerSpec& spec, const QuadraticMesh& mesh, cons
       fit.rest.col(static_cast<Eigen::Index>(fit.place.size())) = mesh.node_mm[index];
       fit.place.push_back(3 * static_cast<std::size_t>(body.unknown_of_node()[index]));
     }
-    const auto sigmas = spec.noise[p].standard_deviations();
-    fit.sigma = Eigen::Map<const Vector6>(sigmas.data());
-    fit.sigma = fit.sigma.cwiseMax(PoseNoise::kMin);
+    fit.sigma = pose_noise(spec.noise).segment<6>(static_cast<Eigen::Index>(6 * p));
   }
 }
 

@@ -274,6 +274,15 @@ void read_scene(TomlTable table, std::vector<Scene>& scenes) {
 
 }  // namespace
 
+PoseVectorOf<double> pose_noise(const std::array<PoseNoise, kPlates>& noise) {
+  PoseVectorOf<double> all;
+  for (int p = 0; p < kPlates; ++p) {
+    const auto sigmas = noise[static_cast<std::size_t>(p)].standard_deviations();
+    all.segment<6>(6 * p) = Eigen::Map<const Eigen::Matrix<double, 6, 1>>(sigmas.data());
+  }
+  return all.cwiseMax(PoseNoise::kMin);
+}
+
 std::vector<Scene> common_scenes() {
   return {{.name = "probe"},
           {.name = "grasp", .friction = 0.6, .patch_radius_mm = 12, .line_share = 0.4},

@@ -61,6 +61,9 @@ struct PoseNoise {
   }
 };
 
+/// The standard deviations of all 18 numbers, at least PoseNoise::kMin each.
+PoseVectorOf<double> pose_noise(const std::array<PoseNoise, kPlates>& noise);
+
 /// Which contacts occur: what the touch network is trained for, and what a touch is taken for.
 struct Scene {
   std::string name;

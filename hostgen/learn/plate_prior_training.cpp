@@ -41,11 +41,7 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
   PlatePriorData prior;
   for (int i = 0; i < kPoseDims; ++i) prior.mean.push_back(static_cast<float>(mean[i]));
   for (const double value : covariance.reshaped()) prior.covariance.push_back(static_cast<float>(value));
-  for (const PoseNoise& plate : noise) {
-    for (const double sigma : plate.standard_deviations()) {
-      prior.noise.push_back(static_cast<float>(std::max(sigma, PoseNoise::kMin)));
-    }
-  }
+  for (const double sigma : pose_noise(noise)) prior.noise.push_back(static_cast<float>(sigma));
   return prior;
 }
 

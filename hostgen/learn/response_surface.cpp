@@ -72,12 +72,7 @@ ResponseSurface::ResponseSurface(const std::vector<FemState>& states, const std:
                              " states in equilibrium are too few for the scene; " +
                              std::to_string(kStatesPerTerm * terms_.count()) + " are needed");
   }
-  Numbers by_noise;
-  for (int i = 0; i < kPoseDims; ++i) {
-    by_noise[i] =
-        1 / std::max(PoseNoise::kMin,
-                     noise[static_cast<std::size_t>(i / 6)].standard_deviations()[static_cast<std::size_t>(i % 6)]);
-  }
+  const Numbers by_noise = pose_noise(noise).cwiseInverse();
   Eigen::MatrixXd linear(count, kPoseDims), added(count, kPoseDims), displacement(count, 3);
   for (Eigen::Index i = 0; i < count; ++i) {
     const FemState& state = *valid[static_cast<std::size_t>(i)];

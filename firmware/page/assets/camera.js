@@ -2,7 +2,7 @@
 // slow connection slows itself down.
 import {device, frameOf, isLive} from "./device.js";
 import {text} from "./text.js";
-import {h} from "./dom.js";
+import {h, poll} from "./dom.js";
 
 const colours = ["#ff4d94", "#4dabf7", "#94d82d"];
 const farFrames = 8;  // values of a frame this far from the picture's lie beside its markers
@@ -19,20 +19,9 @@ export class CameraView {
     this.element = h("div", {class: "view"}, this.canvas, this.note);
     this.bitmap = null;
     this.stopped = false;
-    this.run();
+    poll(this, every, 700);
   }
   stop() { this.stopped = true; }
-  async run() {
-    while (!this.stopped) {
-      const began = performance.now();
-      try {
-        await this.next();
-      } catch {
-        await new Promise((r) => setTimeout(r, 700));
-      }
-      await new Promise((r) => setTimeout(r, Math.max(5, every - (performance.now() - began))));
-    }
-  }
   async next() {
     if (!device.online || document.hidden) throw new Error("not now");
     const response = await fetch("/frame.jpg");

@@ -54,6 +54,22 @@ export function notice(level, title, text, action) {
            h("div", {}, h("b", {}, title), text ? h("span", {}, text) : null), action ? h("div", {class: "act"}, action) : null);
 }
 
+/** Calls view.next() every `every` milliseconds, one after the other, until view.stopped. After one that failed it calls
+ * `failed` and waits `pause` milliseconds more. */
+export async function poll(view, every, pause, failed = () => {}) {
+  const wait = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+  while (!view.stopped) {
+    const began = performance.now();
+    try {
+      await view.next();
+    } catch {
+      failed();
+      await wait(pause);
+    }
+    await wait(Math.max(5, every - (performance.now() - began)));
+  }
+}
+
 export function toast(text, level = "") {
   const element = h("div", {class: `toast ${level}`}, text);
   document.getElementById("toasts").append(element);

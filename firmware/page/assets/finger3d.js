@@ -2,7 +2,7 @@
 // the contact force as an arrow. Finger frame: x across, y up from the base, z into the finger from its face; mm.
 import {device, isLive} from "./device.js";
 import {text} from "./text.js";
-import {h} from "./dom.js";
+import {h, poll} from "./dom.js";
 
 const vertexSource = `
 attribute vec3 at, rest, normal; attribute float moved, front;
@@ -95,7 +95,7 @@ export class FingerView {
     this.steer();
     this.watchSize = new ResizeObserver(() => this.draw());
     this.watchSize.observe(this.canvas);
-    this.run();
+    poll(this, 70, 500, () => { this.note.hidden = Boolean(this.at); });
   }
   stop() {
     this.stopped = true;
@@ -129,18 +129,6 @@ export class FingerView {
     });
   }
 
-  async run() {
-    while (!this.stopped) {
-      const began = performance.now();
-      try {
-        await this.next();
-      } catch {
-        this.note.hidden = Boolean(this.at);
-        await new Promise((r) => setTimeout(r, 500));
-      }
-      await new Promise((r) => setTimeout(r, Math.max(5, 70 - (performance.now() - began))));
-    }
-  }
   async next() {
     if (!device.online || document.hidden) throw new Error("not now");
     if (this.about !== device.about) this.takeMesh();
