@@ -22,6 +22,7 @@ int main(int argc, char** argv) {
   host::add_plc_command(app);
   host::add_report_command(app);
   host::add_attack_command(app);
+  host::add_page_cost_command(app);
   host::add_import_recordings_command(app);
   host::add_audit_command(app);
   host::add_train_command(app);

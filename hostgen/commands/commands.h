@@ -17,6 +17,7 @@ void add_figure_command(CLI::App& app);
 void add_plc_command(CLI::App& app);
 void add_report_command(CLI::App& app);
 void add_attack_command(CLI::App& app);
+void add_page_cost_command(CLI::App& app);
 void add_import_recordings_command(CLI::App& app);
 void add_audit_command(CLI::App& app);
 void add_train_command(CLI::App& app);

@@ -17,7 +17,7 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path pack, spec, folder, bench, dataset, recordings, soak, attacks;
+  std::filesystem::path pack, spec, folder, bench, dataset, recordings, soak, attacks, page;
   bool quick = false;
   std::vector<std::string> areas;
 };
@@ -48,6 +48,10 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     if (!options.attacks.empty()) attacks = read_figures(options.attacks);
     figures["modbus"].update(attacks);
     return figures;
+  }
+  if (area == "page") {
+    if (options.page.empty()) return {{"page", {{"why", "no file of scripts/lib/page_cost.py was given"}}}};
+    return {{"page", read_figures(options.page)}};
   }
   if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.folder, options.quick);
   if (area == "scene") return measure_scenes(model, read_finger_spec(options.spec), options.folder, options.quick);
@@ -96,6 +100,7 @@ void add_report_command(CLI::App& app) {
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
   command->add_option("--soak", options->soak, "figures of scripts/lib/soak.py, for area modbus");
   command->add_option("--attacks", options->attacks, "figures of scripts/lib/attack.py, for area modbus");
+  command->add_option("--page", options->page, "figures of scripts/lib/page_cost.py, for area page");
   command->add_option("--dataset", options->dataset, "the pack's finite-element states, for area touch");
   command->add_option("--recordings", options->recordings, "CSV of recorded touches, for area real");
   command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();

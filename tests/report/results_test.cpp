@@ -86,6 +86,8 @@ constexpr const char* kPromised[] = {"machine",
                                      "modbus.read_us_p50",
                                      "modbus.read_us_p99",
                                      "modbus.hostile_worst_ms",
+                                     "page.loop_cost_us",
+                                     "page.dropped",
                                      "appliance.boot_s",
                                      "appliance.slot_mb",
                                      "appliance.security_score"};
