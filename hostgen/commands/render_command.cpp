@@ -136,7 +136,8 @@ void write_images(const fs::path& file, const FingerSpec& spec, const Lens& came
   ImageQuality quality = image_preset(options.preset);
   quality.srgb = options.coding == "srgb";
   Renderer renderer(spec, camera, quality, 2 * options.seed + 1);
-  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, value_of(session_events(), options.event));
+  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px,
+                          value_of(session_events(), options.event));
   Y4mWriter writer(file, camera.width_px, camera.height_px, kFramesPerSecond);
   Progress progress("images", states.size());
   std::vector<std::uint8_t> grey;

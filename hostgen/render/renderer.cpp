@@ -141,7 +141,7 @@ void Renderer::prepare_light(Random& random) {
 }
 
 void Renderer::render(const std::array<PlateMotion, kPlates>& plates, std::vector<std::uint8_t>& grey) {
-  const Scene still{plates, {}, 1};
+  const Scene still{.plates = plates};
   render({&still, 1}, grey);
 }
 
@@ -165,7 +165,7 @@ void Renderer::draw(const Scene& scene) {
   std::array<Eigen::Isometry3d, kPlates> marker;
   std::array<int, kPlates> order{};
   for (int plate = 0; plate < kPlates; ++plate) {
-    marker[plate] = T_camera_marker(spec_, static_cast<std::size_t>(plate), scene.plates[plate]);
+    marker[plate] = scene.knock * T_camera_marker(spec_, static_cast<std::size_t>(plate), scene.plates[plate]);
     order[plate] = plate;
   }
   // From far to near: what is nearer covers what is behind it.
@@ -173,14 +173,17 @@ void Renderer::draw(const Scene& scene) {
             [&](int a, int b) { return marker[a].translation().z() > marker[b].translation().z(); });
   image_ = background_;
   for (const int plate : order) {
-    if (!scene.covered[plate]) draw_plate(faces_[plate], marker[plate]);
+    if (scene.covered[plate]) continue;
+    Face face = faces_[plate];
+    face.tone = faces_[scene.sticker[plate]].tone;
+    draw_plate(face, marker[plate], static_cast<double>(scene.blur_px));
   }
 }
 
 /// A lens's circle of confusion grows with |1 - focus / z|.
-void Renderer::sharpness_at(double z_mm) {
+void Renderer::sharpness_at(double z_mm, double further_px) {
   const double defocus_px = quality_.defocus_px * std::abs(1 - quality_.focus_mm / std::max(z_mm, kNearestMm));
-  blur_weights_ = blur_weights(std::hypot(quality_.blur_px, defocus_px));
+  blur_weights_ = blur_weights(std::hypot(quality_.blur_px, defocus_px, further_px));
 }
 
 /// The part of the image that the face can reach, blur included; the whole image when part of the face is beyond what
@@ -209,10 +212,10 @@ Renderer::Box Renderer::bounds(const Face& face, const Eigen::Isometry3d& T_came
 }
 
 /// Draws a plate into a layer of its own, blurs the layer, and lays it over the image.
-void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker) {
+void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker, double further_blur_px) {
   const Eigen::Vector3d place = T_camera_marker.translation();
   const bool seen_from_below = T_camera_marker.linear().col(2).dot(place) < 0;
-  sharpness_at(place.z());
+  sharpness_at(place.z(), further_blur_px);
   const Box box = bounds(face, T_camera_marker);
   if (!seen_from_below || box.width() <= 0 || box.height() <= 0) return;
   const std::size_t pixels = static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());

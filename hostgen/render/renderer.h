@@ -18,11 +18,15 @@ namespace finsight::host {
 class Renderer {
  public:
   Renderer(const FingerSpec& spec, const Lens& lens, const ImageQuality& quality, std::uint64_t seed);
-  /// Where the plates are at one time, which of them the camera can see, and how much of the light is on.
+  /// Where the plates are at one time, which of them the camera can see, and how much of the light is on; and what is
+  /// wrong with the device.
   struct Scene {
     std::array<PlateMotion, kPlates> plates;
     std::array<bool, kPlates> covered{};
     float light = 1;
+    std::array<std::size_t, kPlates> sticker = {0, 1, 2};  ///< whose marker is on each plate
+    float blur_px = 0;  ///< standard deviation of a further blur, of a lens out of focus
+    Eigen::Isometry3d knock = Eigen::Isometry3d::Identity();  ///< camera as it should be -> as it is
   };
   /// Grey image, width * height bytes: the mean of the scenes, which follow each other during the exposure. The same
   /// seed and call order give the same bytes.
@@ -47,9 +51,9 @@ class Renderer {
   void prepare_rays();
   void prepare_light(Random& random);
   void draw(const Scene& scene);
-  void sharpness_at(double z_mm);
+  void sharpness_at(double z_mm, double further_px);
   Box bounds(const Face& face, const Eigen::Isometry3d& T_camera_marker) const;
-  void draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker);
+  void draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker, double further_blur_px);
   void draw_row(const Face& face, const Box& box, int y);
   void blur_layer(const Box& box, std::vector<float>& layer);
   void quantise(std::vector<std::uint8_t>& grey);

@@ -12,6 +12,8 @@ namespace {
 
 constexpr int kScenesPerExposure = 5;
 constexpr double kShake_hz = 12, kShake_mm = 3;
+constexpr float kOutOfFocus = 1.0F / 160;  // standard deviation of the blur, of the image's width
+constexpr double kKnock_rad = 2 * std::numbers::pi / 180;
 constexpr float kDarkness = 0.03F;  // what is left of the light: stray light through the finger
 
 // 0 ... 1 in the middle third, else negative.
@@ -23,17 +25,20 @@ double part_of_middle(double frame, std::size_t frames) {
 }  // namespace
 
 const std::vector<std::pair<std::string, SessionEvent>>& session_events() {
-  static const std::vector<std::pair<std::string, SessionEvent>> events = {{"none", SessionEvent::kNone},
-                                                                           {"covered", SessionEvent::kCoveredMarkers},
-                                                                           {"light-off", SessionEvent::kLightOff},
-                                                                           {"frozen", SessionEvent::kFrozenCamera},
-                                                                           {"shaken", SessionEvent::kShaken}};
+  static const std::vector<std::pair<std::string, SessionEvent>> events = {
+      {"none", SessionEvent::kNone},          {"covered", SessionEvent::kCoveredMarkers},
+      {"light-off", SessionEvent::kLightOff}, {"frozen", SessionEvent::kFrozenCamera},
+      {"shaken", SessionEvent::kShaken},      {"defocused", SessionEvent::kDefocused},
+      {"swapped", SessionEvent::kSwapped},    {"knocked", SessionEvent::kKnocked}};
   return events;
 }
 
-SceneMaker::SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s,
+SceneMaker::SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s, int width_px,
                        SessionEvent event)
-    : states_(states), exposure_frames_(exposure_s * frames_per_second), event_(event) {}
+    : states_(states),
+      exposure_frames_(exposure_s * frames_per_second),
+      width_px_(static_cast<float>(width_px)),
+      event_(event) {}
 
 double SceneMaker::part_of_event(double frame) const {
   return event_ == SessionEvent::kNone ? -1 : part_of_middle(frame, states_.size());
@@ -63,6 +68,11 @@ std::vector<Renderer::Scene> SceneMaker::exposure(std::size_t frame) const {
   if (event_ == SessionEvent::kCoveredMarkers && part >= 0) {
     const auto phase = static_cast<std::size_t>(part * (kPlates + 1));
     for (std::size_t p = 0; p < kPlates; ++p) scene.covered[p] = phase == p || phase == kPlates;
+  }
+  if (event_ == SessionEvent::kDefocused && part >= 0) scene.blur_px = kOutOfFocus * width_px_;
+  if (event_ == SessionEvent::kSwapped && part >= 0) std::swap(scene.sticker[kTopPlate], scene.sticker[kLowPlate]);
+  if (event_ == SessionEvent::kKnocked && part >= 0) {
+    scene.knock.linear() = Eigen::AngleAxisd(kKnock_rad, Eigen::Vector3d::UnitY()).toRotationMatrix();
   }
   std::vector<Renderer::Scene> scenes;
   const int count = exposure_frames_ > 0 ? kScenesPerExposure : 1;

@@ -16,16 +16,20 @@ enum class SessionEvent {
   kLightOff,
   kFrozenCamera,  ///< the same image again and again
   kShaken,        ///< the hand jerks: see shake()
+  kDefocused,     ///< the lens is out of focus
+  kSwapped,       ///< the markers of top and low plate are on the other's plate
+  kKnocked,       ///< the camera is turned by 2 degrees against the finger
 };
-/// "none", "covered", "light-off", "frozen", "shaken".
+/// "none", "covered", "light-off", "frozen", "shaken", "defocused", "swapped", "knocked".
 const std::vector<std::pair<std::string, SessionEvent>>& session_events();
 
 /// The scenes of every frame of a session.
 class SceneMaker {
  public:
   /// `states`: one per frame, which must outlive this object. exposure_s: around the frame's time; 0: one scene per
-  /// frame.
-  SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s, SessionEvent event);
+  /// frame. width_px: of the image.
+  SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s, int width_px,
+             SessionEvent event);
   std::vector<Renderer::Scene> exposure(std::size_t frame) const;
   /// The camera delivers its last image once more.
   bool is_frozen(std::size_t frame) const;
@@ -36,6 +40,7 @@ class SceneMaker {
 
   const std::vector<FemState>& states_;
   double exposure_frames_;
+  float width_px_;
   SessionEvent event_;
 };
 

@@ -171,7 +171,7 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
   constexpr std::size_t kLevelRegister = 11, kStatusRegister = 0;
   const ImageQuality quality = image_preset(preset);
   Renderer renderer(spec, lens, quality, kSeed);
-  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
+  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, lens.width_px, SessionEvent::kNone);
   FrameLoop loop(model, lens, LoopSettings{});
   MarkerStage markers(model, lens);
   Method joint(model, lens, PoseMethod::kJoint), alone(model, lens, PoseMethod::kPublished);
@@ -246,7 +246,7 @@ json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh,
   for (const auto& [name, kind] : touch_paths()) {
     if (kind < TouchPlan::Path::kCircle || kind > TouchPlan::Path::kStar) continue;
     const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, kind), frames, kFramesPerSecond);
-    const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, SessionEvent::kNone);
+    const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px, SessionEvent::kNone);
     Renderer renderer(spec, camera, quality, kSeed);
     MarkerStage markers(model, camera);
     PoseStage poses(model, camera);

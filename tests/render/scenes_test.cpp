@@ -18,7 +18,7 @@ std::vector<FemState> moving() {
 }
 
 SceneMaker maker(const std::vector<FemState>& states, SessionEvent event, double exposure_s = 0) {
-  return {states, kFramesPerSecond, exposure_s, event};
+  return {states, kFramesPerSecond, exposure_s, 640, event};
 }
 
 }  // namespace
@@ -55,6 +55,9 @@ TEST_CASE("scenes: events happen in the middle third and nowhere else") {
     CHECK_FALSE(maker(states, SessionEvent::kNone).is_frozen(frame));
     const auto covered = maker(states, SessionEvent::kCoveredMarkers).exposure(frame)[0].covered;
     CHECK((covered[0] || covered[1] || covered[2]) == is_middle);
+    CHECK((maker(states, SessionEvent::kDefocused).exposure(frame)[0].blur_px > 2) == is_middle);
+    CHECK((maker(states, SessionEvent::kSwapped).exposure(frame)[0].sticker[kTopPlate] == kLowPlate) == is_middle);
+    CHECK((maker(states, SessionEvent::kKnocked).exposure(frame)[0].knock.linear()(0, 2) > 0.03) == is_middle);
   }
 }
 
