@@ -157,8 +157,9 @@ int measure(const Arguments& arguments, const Settings& settings) {
   }
   const SourceStatus& status = status_of(source);
   const CameraCounts counts = status.counts();
-  std::fprintf(stderr, "%sframes %u, dropped %u, late %u; camera lost %u times\n", loop.times().table().c_str(),
-               loop.state().frames, loop.state().dropped_frames, counts.late, counts.losses);
+  std::fprintf(stderr, "%sframes %u, dropped %u, late %u, broken %u; camera lost %u times\n",
+               loop.times().table().c_str(), loop.state().frames, loop.state().dropped_frames, counts.late,
+               counts.broken, counts.losses);
   if (commands.reset_is_ordered() && !stop_requested) {
     log_message("a client ordered a reset");
     return kStartAgain;

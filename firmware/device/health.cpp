@@ -1,6 +1,7 @@
 #include "firmware/device/health.h"
 
 #include <algorithm>
+#include <limits>
 
 namespace finsight {
 
@@ -23,6 +24,9 @@ void Health::note(const RegisterImage& image, bool has_frame, std::int64_t began
   health_.frames = counts.frames;
   health_.dropped = counts.dropped;
   health_.camera_losses = counts.camera_losses;
+  health_.pictures_broken = counts.pictures_broken;
+  const auto camera_rate_hz = static_cast<float>(counts.camera_rate_hz);
+  health_.camera_rate_hz = camera_rate_hz > 0 ? camera_rate_hz : std::numeric_limits<float>::quiet_NaN();
   if (has_frame) health_.longest_ns = std::max(health_.longest_ns, ended_ns - began_ns);
 
   if (window_began_ns_ == 0) {

@@ -11,7 +11,8 @@ class Health {
  public:
   explicit Health(Control& control) : control_(control) {}
   struct Counts {
-    std::uint32_t frames = 0, dropped = 0, camera_losses = 0;
+    std::uint32_t frames = 0, dropped = 0, camera_losses = 0, pictures_broken = 0;
+    double camera_rate_hz = 0;  ///< 0: not known
   };
   /// Before each turn of the loop: if the block published last is stalled by now, that is a fault until note().
   void begin_turn(std::int64_t now_ns);

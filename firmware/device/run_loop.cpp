@@ -16,6 +16,10 @@ void record(Recorder*, const Observation&, const RegisterImage&) {}  // there is
 const Frame* picture_of(const Frame& frame) { return &frame; }
 const Frame* picture_of(const Observation&) { return nullptr; }
 
+std::uint16_t warnings_of(const CameraCounts& counts) {
+  return static_cast<std::uint16_t>((counts.is_slow ? kCameraSlow : 0) | (counts.breaks ? kPicturesBroken : 0));
+}
+
 template <class Sample>
 bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomic<bool>& stop) {
   Supervisor supervisor;
@@ -29,10 +33,12 @@ bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomi
     device.health.begin_turn(now_ns);
     device.commands.poll();
     if (device.outputs.trigger_rises()) device.commands.trigger();
+    const CameraCounts counts = source.counts();
+    device.loop.set_warnings(warnings_of(counts));
     const RegisterImage& image = has_frame ? device.loop.step(sample) : device.loop.step_without_frame(now_ns);
     device.server.publish(image);
     // A search for a missing camera is a sign of life, too: a restart would not find it, only disconnect the clients.
-    const std::uint32_t before = std::exchange(openings, source.counts().openings);
+    const std::uint32_t before = std::exchange(openings, counts.openings);
     if (has_frame || openings != before) supervisor.alive(now_ns, has_frame);
     if (!device.outputs.set(image, device.loop.state().settings)) return false;
     if (has_frame) {
@@ -44,7 +50,7 @@ bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomi
     }
     const LoopState& state = device.loop.state();
     device.health.note(image, has_frame, now_ns, steady_now_ns(),
-                       {state.frames, state.dropped_frames, source.counts().losses});
+                       {state.frames, state.dropped_frames, counts.losses, counts.broken, counts.rate_hz});
   }
   return true;
 }

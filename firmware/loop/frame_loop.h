@@ -63,6 +63,8 @@ class FrameLoop {
   void show_master_lost(bool lost) { master_lost_ = lost; }
 
   const StageTimes& times() const { return times_; }
+  /// WarningBit, published from the next step on.
+  void set_warnings(std::uint16_t bits) { state_.warnings = bits; }
   const LoopState& state() const { return state_; }
   const RegisterImage& registers() const { return registers_; }  ///< of the last frame
 

@@ -84,6 +84,8 @@ void write_diagnostics(const ServerCounts& counts, const LoopHealth& health, con
   for (int i = 0; i < kFaultEntries; ++i) {
     write_fault(block, i, health.faults[static_cast<std::size_t>(i)], started_ns);
   }
+  block.count(row_named("pictures_broken"), health.pictures_broken);
+  block.measured(row_named("camera_rate"), static_cast<double>(health.camera_rate_hz), true);
 }
 
 }  // namespace finsight

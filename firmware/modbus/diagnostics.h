@@ -29,7 +29,8 @@ struct FaultRecord {
 struct LoopHealth {
   float frame_rate_hz = std::numeric_limits<float>::quiet_NaN();
   float load = std::numeric_limits<float>::quiet_NaN();  ///< share of the time that it works
-  std::uint32_t frames = 0, dropped = 0, camera_losses = 0;
+  std::uint32_t frames = 0, dropped = 0, camera_losses = 0, pictures_broken = 0;
+  float camera_rate_hz = std::numeric_limits<float>::quiet_NaN();  ///< what the camera gives
   std::int64_t longest_ns = 0;
   std::array<FaultRecord, kFaultEntries> faults{};  ///< the newest first
   std::uint32_t faults_counted = 0;

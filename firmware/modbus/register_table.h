@@ -65,6 +65,11 @@ inline constexpr NamedValue kLimitBits[] = {
     {2, "overload"},
 };
 
+inline constexpr NamedValue kWarnings[] = {
+    {0, "camera_slow", "gives less than half of the wanted frames per second"},
+    {1, "pictures_broken", "in the last two seconds; they were left out"},
+};
+
 inline constexpr NamedValue kCommands[] = {
     {0, "none"},
     {1, "zero", "the finger's present pose becomes its rest pose"},
@@ -186,7 +191,7 @@ inline constexpr RegisterRow kMeasurements[] = {
     row::measured(42, "contact_z", kInt16, 0.01, "mm", "where the touched point is now, into the finger"),
     row::code(43, "shape_source", kShapeSources, "source of the shape"),
     row::bits(44, "limits", kLimitBits, "thresholds with hysteresis (settings 1010 to 1015)"),
-    row::reserved(45, "reserved_45"),
+    row::bits(45, "warnings", kWarnings, "what works, but not well"),
     row::count(46, "test_constant_long", kUint32, "305419896 (16#12345678), to check the word order of 32-bit values"),
     row::measured(48, "force_normal", kInt16, 0.01, "N", "contact force, into the finger, at right angles to the face at rest"),
     row::measured(49, "force_across", kInt16, 0.01, "N", "contact force, across the finger (x)"),
@@ -334,6 +339,8 @@ inline constexpr RegisterRow kDiagnostics[] = {
     row::count(3086, "faults_counted", kUint16, "wraps around"),
     FINSIGHT_FAULT(1, 3087), FINSIGHT_FAULT(2, 3091), FINSIGHT_FAULT(3, 3095), FINSIGHT_FAULT(4, 3099),
     FINSIGHT_FAULT(5, 3103), FINSIGHT_FAULT(6, 3107), FINSIGHT_FAULT(7, 3111), FINSIGHT_FAULT(8, 3115),
+    row::count(3119, "pictures_broken", kUint32, "that the camera sent and nobody could decode"),
+    row::measured(3121, "camera_rate", kUint16, 0.01, "Hz", "frames that the camera gives, taken or not, over the last two seconds", "not known"),
 };
 #undef FINSIGHT_FAULT
 // clang-format on

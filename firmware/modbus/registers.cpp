@@ -180,6 +180,7 @@ void encode_registers(const PlatePoses& poses, const FingerShape& shape, const T
   block.count(row_named("model_checksum"), state.model_checksum);
   block.count(row_named("scene"), state.scene);
   block.count(row_named("map_version"), kMapVersion);
+  block.count(row_named("warnings"), state.warnings);
   block.count(row_named("test_constant"), kTestConstant);
   block.count(row_named("test_constant_long"), kLongTestConstant);
   block.count(row_named("limits"), limits_word(state.limits));

@@ -50,6 +50,12 @@ enum class FaultCode : std::uint16_t {
   kMasterLost = value_named("fault", "master_lost"),
 };
 
+/// Register 45.
+enum WarningBit : std::uint16_t {
+  kCameraSlow = bit_named("warnings", "camera_slow"),
+  kPicturesBroken = bit_named("warnings", "pictures_broken"),
+};
+
 /// The settings that clients can change while the device runs, as their registers hold them.
 struct RuntimeSettings {
   std::array<std::uint16_t, kSettingCount> words;
@@ -103,6 +109,7 @@ struct LoopState {
   std::uint32_t dropped_frames = 0;
   std::int64_t exposure_ns = 0, published_ns = 0;  ///< steady clock
   bool camera_fault = false;
+  std::uint16_t warnings = 0;  ///< WarningBit
   FaultCode fault = FaultCode::kNone;
   bool zeroed = false, settings_unsaved = false;
   ThresholdState limits;

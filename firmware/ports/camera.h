@@ -20,6 +20,10 @@ struct CameraCounts {
   std::uint32_t late = 0;      ///< frames that came more than two frame times after their exposure
   std::uint32_t losses = 0;    ///< how often it stopped and had to be opened again
   std::uint32_t openings = 0;  ///< attempts to open it: grows while it is missing
+  std::uint32_t broken = 0;    ///< pictures that could not be decoded
+  double rate_hz = 0;          ///< frames that the camera gives, taken or not; 0: not known
+  bool is_slow = false;        ///< that is less than half of what was wanted
+  bool breaks = false;         ///< some pictures of the last two seconds were broken
 };
 
 /// How a source is doing.
@@ -82,8 +86,9 @@ struct LiveCameraSettings {
 /// A camera that outlives failures of the hardware: while it is missing, refuses its settings, is unplugged or stalls,
 /// next() returns no frame, error() says why, and a thread tries to open it after 0.1 s, 0.2 s, ... 5 s. That thread
 /// exists from the start, so threads that a camera starts inherit nothing from the one that calls next(). `sequence`
-/// continues without a gap. `report` is called from that thread when the reason changes. Throws InputError in a build
-/// without libcamera.
+/// continues without a gap. `report` is called from that thread when the reason changes, with the format that was
+/// chosen, and when the camera's frame rate is first known or becomes too slow or fast enough. Throws InputError in a
+/// build without libcamera.
 std::unique_ptr<Camera> open_live_camera(const LiveCameraSettings& settings,
                                          std::function<void(const std::string&)> report);
 
@@ -92,7 +97,9 @@ std::unique_ptr<Camera> keep_open(std::function<std::unique_ptr<Camera>()> open,
                                   std::function<void(const std::string&)> report, const ReplayClock& clock);
 
 /// The camera itself, opened once, through libcamera (not in a build without it); ended() says that it is lost. Throws
-/// InputError listing what is available if no camera, mode, control or range matches.
-std::unique_ptr<Camera> open_libcamera(const LiveCameraSettings& settings);
+/// InputError listing what is available if no camera, mode, control or range matches. Tells `report` the format that
+/// was chosen, and why. Broken pictures are counted and left out; the sequence shows the gap.
+std::unique_ptr<Camera> open_libcamera(const LiveCameraSettings& settings,
+                                       const std::function<void(const std::string&)>& report);
 
 }  // namespace finsight

@@ -1,14 +1,17 @@
 // The camera port on libcamera.
+#include <fcntl.h>
 #include <libcamera/libcamera.h>
 #include <linux/dma-buf.h>
+#include <linux/videodev2.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
+#include <sys/sysmacros.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
-#include <climits>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -16,8 +19,10 @@
 
 #include "firmware/input_error.h"
 #include "firmware/ports/camera.h"
+#include "firmware/ports/camera_modes.h"
 #include "firmware/ports/grey_conversion.h"
 #include "firmware/ports/hand_over.h"
+#include "firmware/ports/jpeg_decoder.h"
 
 namespace finsight {
 
@@ -88,23 +93,60 @@ bool fits(libcamera::CameraConfiguration& configuration, const libcamera::PixelF
          stream.size == size;
 }
 
-/// The cheapest of the formats that hold grey levels at the wanted size. No other size or format is accepted instead.
-void choose_mode(libcamera::CameraConfiguration& configuration, const LiveCameraSettings& settings) {
+/// The fastest that a video device gives this format and size; 0: it does not tell.
+double most_frames_per_second(int device, std::uint32_t v4l2, const libcamera::Size& size) {
+  double most = 0;
+  v4l2_frmivalenum interval{};
+  interval.pixel_format = v4l2;
+  interval.width = size.width;
+  interval.height = size.height;
+  for (; ioctl(device, VIDIOC_ENUM_FRAMEINTERVALS, &interval) == 0; ++interval.index) {
+    const bool is_one = interval.type == V4L2_FRMIVAL_TYPE_DISCRETE;
+    const v4l2_fract& shortest = is_one ? interval.discrete : interval.stepwise.min;
+    if (shortest.numerator > 0) {
+      most = std::max(most, static_cast<double>(shortest.denominator) / static_cast<double>(shortest.numerator));
+    }
+    if (!is_one) break;
+  }
+  return most;
+}
+
+/// Asks the kernel what libcamera 0.4 does not pass on.
+double most_frames_per_second(const libcamera::Camera& camera, std::uint32_t v4l2, const libcamera::Size& size) {
+  double most = 0;
+  const auto numbers = camera.properties().get(libcamera::properties::SystemDevices);
+  for (std::size_t i = 0; numbers && v4l2 != 0 && i < numbers->size(); ++i) {
+    const auto number = static_cast<dev_t>((*numbers)[i]);
+    const std::string path = "/dev/char/" + std::to_string(major(number)) + ":" + std::to_string(minor(number));
+    const int device = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+    if (device < 0) continue;
+    most = std::max(most, most_frames_per_second(device, v4l2, size));
+    ::close(device);
+  }
+  return most;
+}
+
+/// Puts the format in which grey levels come best into the configuration, and says why it is that one. No other size
+/// is accepted instead.
+std::string choose_mode(const libcamera::Camera& camera, libcamera::CameraConfiguration& configuration,
+                        const LiveCameraSettings& settings) {
   const libcamera::Size size(static_cast<unsigned>(settings.width_px), static_cast<unsigned>(settings.height_px));
-  const libcamera::StreamFormats offered = configuration.at(0).formats();
-  std::optional<libcamera::PixelFormat> best;
-  int best_rank = INT_MAX;
+  const libcamera::StreamFormats formats = configuration.at(0).formats();
+  std::vector<OfferedFormat> usable;
+  std::vector<libcamera::PixelFormat> usable_format;
   std::string list;
-  for (const libcamera::PixelFormat& format : offered.pixelformats()) {
-    list += (list.empty() ? "" : ", ") + format.toString() + " " + offered.range(format).toString();
-    const std::optional<GreyLayout> layout = grey_layout(format.fourcc());
-    if (!layout || format.modifier() != 0 || layout->rank >= best_rank || !fits(configuration, format, size)) continue;
-    best = format;
-    best_rank = layout->rank;
+  for (const libcamera::PixelFormat& format : formats.pixelformats()) {
+    list += (list.empty() ? "" : ", ") + format.toString() + " " + formats.range(format).toString();
+    const std::optional<GreyLayout> layout = grey_layout(format.fourcc(), format.modifier());
+    if (!layout || !fits(configuration, format, size)) continue;
+    usable.push_back({format.toString(), *layout, most_frames_per_second(camera, layout->v4l2, size)});
+    usable_format.push_back(format);
   }
-  if (!best || !fits(configuration, *best, size)) {
-    throw InputError("source", "image size", list, "a grey, YUV or RGB format with " + size.toString());
+  const std::optional<ChosenFormat> chosen = choose_format(usable, settings.frames_per_second);
+  if (!chosen || !fits(configuration, usable_format[chosen->index], size)) {
+    throw InputError("source", "image size", list, "a grey, YUV, RGB or MJPEG format with " + size.toString());
   }
+  return chosen->why;
 }
 
 /// A control, checked against what this camera has.
@@ -142,10 +184,11 @@ libcamera::ControlList choose_controls(const libcamera::Camera& camera, const Li
 
 class LibcameraCamera : public Camera {
  public:
-  explicit LibcameraCamera(const LiveCameraSettings& settings) : settings_(settings) {
+  LibcameraCamera(const LiveCameraSettings& settings, const std::function<void(const std::string&)>& report)
+      : settings_(settings) {
     if (manager_.start() != 0) throw InputError("camera", "libcamera cannot look for cameras");
     try {
-      open();
+      report("camera: " + open());
     } catch (...) {
       close();
       throw;
@@ -154,9 +197,26 @@ class LibcameraCamera : public Camera {
   ~LibcameraCamera() override { close(); }
 
   bool next(Frame& frame, int timeout_ms) override {
-    if (shown_) give_back(shown_);
-    shown_ = take_newest(timeout_ms);
-    if (!shown_) return false;
+    const auto limit = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
+    for (;;) {
+      if (shown_) give_back(shown_);
+      shown_ = take_newest(limit);
+      if (!shown_) return false;
+      if (show(frame)) return true;
+      ++broken_;
+    }
+  }
+
+  bool ended() const override { return lost_ != nullptr; }
+  std::string error() const override {
+    const char* why = lost_;
+    return why ? why : "";
+  }
+  CameraCounts counts() const override { return {.broken = broken_}; }
+
+ private:
+  /// False: the picture is broken.
+  bool show(Frame& frame) {
     const MappedPlane& plane = *planes_[shown_->cookie()];
     plane.begin_read();
     frame = Frame{.grey = plane.pixels(),
@@ -165,32 +225,39 @@ class LibcameraCamera : public Camera {
                   .stride_bytes = stride_bytes_,
                   .coding = settings_.coding};
     if (!layout_.is_grey_plane()) {
-      convert_to_grey(layout_, plane.pixels(), frame.width_px, frame.height_px, stride_bytes_, grey_.data());
       frame.grey = grey_.data();
       frame.stride_bytes = frame.width_px;
+    }
+    if (layout_.is_jpeg) {
+      const JpegOutcome outcome =
+          jpeg_.decode({plane.pixels(), used_bytes(plane)}, frame.width_px, frame.height_px, grey_.data());
+      if (outcome != JpegOutcome::kDecoded) return false;
+    } else if (!layout_.is_grey_plane()) {
+      convert_to_grey(layout_, plane.pixels(), frame.width_px, frame.height_px, stride_bytes_, grey_.data());
     }
     stamp(frame);
     return true;
   }
 
-  bool ended() const override { return lost_ != nullptr; }
-  std::string error() const override {
-    const char* why = lost_;
-    return why ? why : "";
+  /// Of the buffer; 0 where the camera does not tell means all.
+  std::size_t used_bytes(const MappedPlane& plane) const {
+    const auto& planes = shown_->findBuffer(stream_)->metadata().planes();
+    const std::size_t used = planes.empty() ? 0 : planes[0].bytesused;
+    return used == 0 ? plane.bytes() : std::min(used, plane.bytes());
   }
 
- private:
-  void open() {
+  /// Says what was chosen.
+  std::string open() {
     camera_ = find_camera(manager_, settings_.name);
     if (camera_->acquire() != 0) throw InputError("camera", label(*camera_) + " is in use by another program");
     const auto configuration = camera_->generateConfiguration({libcamera::StreamRole::VideoRecording});
     if (!configuration || configuration->empty()) throw InputError("camera", label(*camera_) + " gives no video");
-    choose_mode(*configuration, settings_);
+    const std::string why = choose_mode(*camera_, *configuration, settings_);
     const libcamera::StreamConfiguration& mode = configuration->at(0);
     if (camera_->configure(configuration.get()) != 0) throw InputError("camera", "refuses " + mode.toString());
     stream_ = mode.stream();
     stride_bytes_ = static_cast<int>(mode.stride);
-    layout_ = *grey_layout(mode.pixelFormat.fourcc());
+    layout_ = *grey_layout(mode.pixelFormat.fourcc(), mode.pixelFormat.modifier());
     if (!layout_.is_grey_plane()) {
       grey_.resize(static_cast<std::size_t>(settings_.width_px) * static_cast<std::size_t>(settings_.height_px));
     }
@@ -201,12 +268,14 @@ class LibcameraCamera : public Camera {
     if (camera_->start(&controls) != 0) throw InputError("camera", label(*camera_) + " does not start");
     started_ = true;
     for (const auto& request : requests_) give_back(request.get());
+    return why;
   }
 
   void make_requests() {
     allocator_ = std::make_unique<libcamera::FrameBufferAllocator>(camera_);
     if (allocator_->allocate(stream_) <= 0) throw InputError("camera", "no memory for images");
-    const std::size_t needed = static_cast<std::size_t>(stride_bytes_) * static_cast<std::size_t>(settings_.height_px);
+    const std::size_t needed =
+        layout_.is_jpeg ? 1 : static_cast<std::size_t>(stride_bytes_) * static_cast<std::size_t>(settings_.height_px);
     for (const auto& buffer : allocator_->buffers(stream_)) {
       if (requests_.size() == kMaxBuffers) break;  // it works with fewer than it has
       planes_.push_back(std::make_unique<MappedPlane>(buffer->planes().front()));
@@ -245,8 +314,7 @@ class LibcameraCamera : public Camera {
 
   /// The newest good frame; null if there is none in time. Older ones are returned unused, so that a late caller does
   /// not stay late: their numbers are missing from the sequence, so they count as dropped.
-  libcamera::Request* take_newest(int timeout_ms) {
-    const auto limit = std::chrono::steady_clock::now() + std::chrono::milliseconds(timeout_ms);
+  libcamera::Request* take_newest(std::chrono::steady_clock::time_point limit) {
     while (completed_.wait_until(limit) && !lost_) {
       libcamera::Request* newest = nullptr;
       while (const auto completed = completed_.take()) {
@@ -303,6 +371,8 @@ class LibcameraCamera : public Camera {
   libcamera::Stream* stream_ = nullptr;
   int stride_bytes_ = 0;
   GreyLayout layout_;
+  JpegDecoder jpeg_;
+  std::uint32_t broken_ = 0;
   std::vector<std::uint8_t> grey_;  // the converted image, for formats without a grey plane
   std::unique_ptr<libcamera::FrameBufferAllocator> allocator_;
   std::vector<std::unique_ptr<MappedPlane>> planes_;  // a request's cookie is its place here
@@ -316,12 +386,13 @@ class LibcameraCamera : public Camera {
 
 }  // namespace
 
-std::unique_ptr<Camera> open_libcamera(const LiveCameraSettings& settings) {
+std::unique_ptr<Camera> open_libcamera(const LiveCameraSettings& settings,
+                                       const std::function<void(const std::string&)>& report) {
   // Without this it writes to the log at every opening, and with the virtual camera at every frame.
   if (!std::getenv("LIBCAMERA_LOG_LEVELS")) {
     for (const char* category : {"Camera", "Formats", "IPAManager"}) libcamera::logSetLevel(category, "ERROR");
   }
-  return std::make_unique<LibcameraCamera>(settings);
+  return std::make_unique<LibcameraCamera>(settings, report);
 }
 
 }  // namespace finsight

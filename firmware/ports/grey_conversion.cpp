@@ -1,7 +1,7 @@
 #include "firmware/ports/grey_conversion.h"
 
+#include <algorithm>
 #include <cstddef>
-#include <string_view>
 
 namespace finsight {
 
@@ -11,49 +11,109 @@ namespace {
 constexpr std::uint16_t kRed = 77, kGreen = 150, kBlue = 29;
 
 struct Format {
-  std::string_view code;
+  std::uint32_t code;
+  std::uint64_t modifier;
   GreyLayout layout;
 };
 
-constexpr GreyLayout kPlane{.rank = 0};
-constexpr GreyLayout packed_yuv(std::uint8_t y) { return {.step_bytes = 2, .offset = {y}, .rank = 1}; }
-constexpr GreyLayout rgb(int step_bytes, std::uint8_t red, std::uint8_t green, std::uint8_t blue) {
-  return {.step_bytes = step_bytes, .offset = {red, green, blue}, .weight = {kRed, kGreen, kBlue}, .rank = 2};
+// What a sensor gives is kept best by its own grey levels; YUV and RGB have been sharpened and smoothed for the eye,
+// and JPEG rounds, besides.
+enum Rank { kRawPlane, kRawBits, kYuvPlane, kYuvPacked, kRgb, kJpeg };
+
+constexpr Format raw_plane(const char (&code)[5], const char (&v4l2)[5]) {
+  return {four_characters(code), 0, {.rank = kRawPlane, .v4l2 = four_characters(v4l2)}};
+}
+/// 16 bits per pixel, the low byte first, of which the lowest `bits` are used.
+constexpr Format raw_words(const char (&code)[5], int bits, const char (&v4l2)[5]) {
+  const auto low = static_cast<std::uint16_t>(256 >> (bits - 8)),
+             high = static_cast<std::uint16_t>(65536 >> (bits - 8));
+  return {four_characters(code),
+          0,
+          {.step_bytes = 2,
+           .offset = {0, 1, 0},
+           .weight = {low, high, 0},
+           .rank = kRawBits,
+           .v4l2 = four_characters(v4l2)}};
+}
+/// The upper 8 bits of each pixel of a group, then a byte with the lower bits of all.
+constexpr Format raw_packed(const char (&code)[5], int group, const char (&v4l2)[5]) {
+  return {four_characters(code),
+          kMipiPacked,
+          {.group = group, .step_bytes = group + 1, .rank = kRawBits, .v4l2 = four_characters(v4l2)}};
+}
+constexpr Format yuv_plane(const char (&code)[5]) {
+  return {four_characters(code), 0, {.rank = kYuvPlane, .v4l2 = four_characters(code)}};
+}
+constexpr Format packed_yuv(const char (&code)[5], std::uint8_t y) {
+  return {four_characters(code),
+          0,
+          {.step_bytes = 2, .offset = {y, y, y}, .rank = kYuvPacked, .v4l2 = four_characters(code)}};
+}
+constexpr Format rgb(const char (&code)[5], int step_bytes, std::array<std::uint8_t, 3> red_green_blue,
+                     const char (&v4l2)[5]) {
+  return {four_characters(code),
+          0,
+          {.step_bytes = step_bytes,
+           .offset = red_green_blue,
+           .weight = {kRed, kGreen, kBlue},
+           .rank = kRgb,
+           .v4l2 = four_characters(v4l2)}};
+}
+constexpr Format jpeg(const char (&code)[5]) {
+  return {four_characters(code), 0, {.is_jpeg = true, .rank = kJpeg, .v4l2 = four_characters(code)}};
 }
 
-// A format's code names its bytes from the highest down: R24 ("RGB888") is B, G, R in memory.
+// An RGB format's code names its bytes from the highest down: R24 ("RGB888") is B, G, R in memory.
 constexpr Format kFormats[] = {
-    {"R8  ", kPlane},          {"YU12", kPlane},          {"YV12", kPlane},          {"NV12", kPlane},
-    {"NV21", kPlane},          {"NV16", kPlane},          {"NV61", kPlane},          {"YU16", kPlane},
-    {"YV16", kPlane},          {"NV24", kPlane},          {"NV42", kPlane},          {"YU24", kPlane},
-    {"YV24", kPlane},          {"YUYV", packed_yuv(0)},   {"YVYU", packed_yuv(0)},   {"UYVY", packed_yuv(1)},
-    {"VYUY", packed_yuv(1)},   {"RG24", rgb(3, 2, 1, 0)}, {"BG24", rgb(3, 0, 1, 2)}, {"XR24", rgb(4, 2, 1, 0)},
-    {"XB24", rgb(4, 0, 1, 2)},
+    raw_plane("R8  ", "GREY"),
+    raw_words("R10 ", 10, "Y10 "),
+    raw_words("R12 ", 12, "Y12 "),
+    raw_words("R16 ", 16, "Y16 "),
+    raw_packed("R10 ", 4, "Y10P"),
+    raw_packed("R12 ", 2, "Y12P"),
+    yuv_plane("YU12"),
+    yuv_plane("YV12"),
+    yuv_plane("NV12"),
+    yuv_plane("NV21"),
+    yuv_plane("NV16"),
+    yuv_plane("NV61"),
+    yuv_plane("YU16"),
+    yuv_plane("YV16"),
+    yuv_plane("NV24"),
+    yuv_plane("NV42"),
+    yuv_plane("YU24"),
+    yuv_plane("YV24"),
+    packed_yuv("YUYV", 0),
+    packed_yuv("YVYU", 0),
+    packed_yuv("UYVY", 1),
+    packed_yuv("VYUY", 1),
+    rgb("RG24", 3, {2, 1, 0}, "BGR3"),
+    rgb("BG24", 3, {0, 1, 2}, "RGB3"),
+    rgb("XR24", 4, {2, 1, 0}, "XR24"),
+    rgb("XB24", 4, {0, 1, 2}, "XB24"),
+    jpeg("MJPG"),
 };
-
-constexpr std::uint32_t fourcc_of(std::string_view code) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 4; i-- > 0;) value = value << 8 | static_cast<std::uint8_t>(code[i]);
-  return value;
-}
 
 }  // namespace
 
-std::optional<GreyLayout> grey_layout(std::uint32_t fourcc) {
+std::optional<GreyLayout> grey_layout(std::uint32_t fourcc, std::uint64_t modifier) {
   for (const Format& format : kFormats) {
-    if (fourcc_of(format.code) == fourcc) return format.layout;
+    if (format.code == fourcc && format.modifier == modifier) return format.layout;
   }
   return std::nullopt;
 }
 
 void convert_to_grey(const GreyLayout& layout, const std::uint8_t* pixels, int width_px, int height_px,
                      int stride_bytes, std::uint8_t* grey) {
-  const auto [w0, w1, w2] = layout.weight;
+  const unsigned w0 = layout.weight[0], w1 = layout.weight[1], w2 = layout.weight[2];
   for (int y = 0; y < height_px; ++y) {
     const std::uint8_t* from = pixels + static_cast<std::ptrdiff_t>(y) * stride_bytes;
-    for (int x = 0; x < width_px; ++x, from += layout.step_bytes) {
-      const unsigned sum = w0 * from[layout.offset[0]] + w1 * from[layout.offset[1]] + w2 * from[layout.offset[2]];
-      *grey++ = static_cast<std::uint8_t>(sum >> 8);
+    for (int x = 0; x < width_px; x += layout.group, from += layout.step_bytes) {
+      for (int i = 0; i < std::min(layout.group, width_px - x); ++i) {
+        const unsigned sum =
+            w0 * from[i + layout.offset[0]] + w1 * from[i + layout.offset[1]] + w2 * from[i + layout.offset[2]];
+        *grey++ = static_cast<std::uint8_t>(std::min(sum >> 8, 255U));
+      }
     }
   }
 }

@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdio>
 #include <semaphore>
 #include <thread>
 
 #include "firmware/input_error.h"
 #include "firmware/ports/camera.h"
+#include "firmware/ports/camera_modes.h"
 
 namespace finsight {
 
@@ -24,6 +26,8 @@ class LiveCamera : public Camera {
         clock_(clock),
         frame_time_ns_(static_cast<std::int64_t>(1e9 / settings.frames_per_second)),
         stall_ns_(settings.stall_ms * kNsPerMs),
+        wanted_hz_(settings.frames_per_second),
+        meter_(settings.frames_per_second),
         opener_([this] { run_opener(); }) {}
 
   ~LiveCamera() override {
@@ -51,7 +55,13 @@ class LiveCamera : public Camera {
 
   bool ended() const override { return false; }
   std::string error() const override { return error_; }
-  CameraCounts counts() const override { return counts_; }
+  CameraCounts counts() const override {
+    CameraCounts counts = counts_;
+    if (camera_) counts.broken += camera_->counts().broken;
+    counts.rate_hz = meter_.rate_hz();
+    counts.is_slow = meter_.is_slow();
+    return counts;
+  }
 
  private:
   /// The camera's own counter restarts with every opening; ours continues.
@@ -64,10 +74,26 @@ class LiveCamera : public Camera {
     delivered_ = true;
     wait_ns_ = kFirstWaitNs;
     error_.clear();
+    if (meter_.note(frame.sequence, frame.exposure_ns)) judge_rate();
+  }
+
+  /// Every two seconds.
+  void judge_rate() {
+    const std::uint32_t broken = counts().broken;
+    counts_.breaks = broken != std::exchange(broken_before_, broken);
+    if (rate_is_told_ && meter_.is_slow() == was_slow_) return;
+    rate_is_told_ = true;
+    was_slow_ = meter_.is_slow();
+    rate_to_tell_hz_ = static_cast<float>(meter_.rate_hz());
+    wanted_.release();
   }
 
   void lose(const std::string& why) {
     ++counts_.losses;
+    counts_.broken += camera_->counts().broken;
+    counts_.breaks = false;
+    meter_.restart();
+    rate_is_told_ = false;
     lost_ = std::move(camera_);
     wait_before_retry(why);
   }
@@ -85,6 +111,7 @@ class LiveCamera : public Camera {
       clock_.sleep_until_ns(std::min(retry_ns_, limit_ns));
       if (clock_.now_ns() < retry_ns_) return false;
       is_opening_ = true;
+      opening_is_wanted_ = true;
       wanted_.release();
     }
     const std::int64_t left_ns = std::max<std::int64_t>(limit_ns - clock_.now_ns(), 0);
@@ -107,6 +134,8 @@ class LiveCamera : public Camera {
     for (;;) {
       wanted_.acquire();
       if (stopping_) return;
+      if (const float rate_hz = rate_to_tell_hz_.exchange(0); rate_hz > 0) tell_rate(rate_hz);
+      if (!opening_is_wanted_.exchange(false)) continue;
       if (!error_.empty()) report_change(error_);
       lost_.reset();
       try {
@@ -120,6 +149,13 @@ class LiveCamera : public Camera {
     }
   }
 
+  void tell_rate(float rate_hz) {
+    char text[120];
+    std::snprintf(text, sizeof text, "camera: gives %.1f frames/s of the wanted %.1f%s", static_cast<double>(rate_hz),
+                  wanted_hz_, static_cast<double>(rate_hz) < wanted_hz_ / 2 ? ", less than half" : "");
+    report_(text);
+  }
+
   void report_change(const std::string& why) {
     if (why != reported_) report_(why.empty() ? "camera is open" : "camera: " + why);
     reported_ = why;
@@ -129,6 +165,10 @@ class LiveCamera : public Camera {
   std::function<void(const std::string&)> report_;
   ReplayClock clock_;
   std::int64_t frame_time_ns_, stall_ns_;
+  double wanted_hz_;
+  FrameRateMeter meter_;
+  bool was_slow_ = false, rate_is_told_ = false;
+  std::uint32_t broken_before_ = 0;
 
   std::unique_ptr<Camera> camera_;
   bool delivered_ = false;  // a frame, since camera_ was opened
@@ -142,7 +182,8 @@ class LiveCamera : public Camera {
   std::string error_, opening_error_;
   std::string reported_ = "not opened yet";
 
-  std::atomic<bool> stopping_{false};
+  std::atomic<bool> stopping_{false}, opening_is_wanted_{false};
+  std::atomic<float> rate_to_tell_hz_{0};  // 0: nothing to tell
   std::counting_semaphore<> wanted_{0}, done_{0};
   std::thread opener_;  // last: it uses the others
 };
@@ -157,7 +198,8 @@ std::unique_ptr<Camera> keep_open(std::function<std::unique_ptr<Camera>()> open,
 #if FINSIGHT_HAS_LIBCAMERA
 std::unique_ptr<Camera> open_live_camera(const LiveCameraSettings& settings,
                                          std::function<void(const std::string&)> report) {
-  return keep_open([settings] { return open_libcamera(settings); }, settings, std::move(report), steady_replay_clock());
+  const auto open = [settings, report] { return open_libcamera(settings, report); };
+  return keep_open(open, settings, report, steady_replay_clock());
 }
 #else
 // Refused at once: waiting would not help.

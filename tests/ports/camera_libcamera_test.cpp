@@ -74,7 +74,7 @@ long resident_kb() {
 
 std::string refusal(const LiveCameraSettings& wrong) {
   try {
-    open_libcamera(wrong);
+    open_libcamera(wrong, [](const std::string&) {});
   } catch (const InputError& error) {
     return error.what();
   }
@@ -89,7 +89,7 @@ TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES
   TEST_CASE("libcamera: every image of the camera comes, in its order and grey level for grey level") {
     const std::vector<Image> shown = images();
     REQUIRE(shown.size() >= 2);
-    const auto camera = open_libcamera(settings());
+    const auto camera = open_libcamera(settings(), [](const std::string&) {});
     std::set<std::size_t> seen;
     std::uint32_t last_sequence = 0;
     std::int64_t last_ns = 0;
@@ -117,7 +117,7 @@ TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES
   }
 
   TEST_CASE("libcamera: a late caller gets a new frame, and the gap in the sequence shows the ones that it missed") {
-    const auto camera = open_libcamera(settings());
+    const auto camera = open_libcamera(settings(), [](const std::string&) {});
     Frame frame;
     REQUIRE(camera->next(frame, kTimeoutMs));
     const std::uint32_t first = frame.sequence;
@@ -154,7 +154,7 @@ TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES
     std::size_t files = 0;
     long memory_kb = 0;
     for (int i = 0; i < kReopenings; ++i) {
-      const auto camera = open_libcamera(settings());
+      const auto camera = open_libcamera(settings(), [](const std::string&) {});
       Frame frame;
       REQUIRE(camera->next(frame, kTimeoutMs));
       if (i == kWarmUp) files = open_files(), memory_kb = resident_kb();

@@ -8,14 +8,9 @@ using namespace finsight;
 
 namespace {
 
-std::uint32_t fourcc(const char* code) {
-  const auto byte = [code](int i) { return static_cast<std::uint32_t>(static_cast<unsigned char>(code[i])); };
-  return byte(0) | byte(1) << 8 | byte(2) << 16 | byte(3) << 24;
-}
-
 /// One pixel's bytes in `code`, converted.
-int grey_of(const char* code, std::vector<std::uint8_t> pixel) {
-  const auto layout = grey_layout(fourcc(code));
+int grey_of(const char (&code)[5], std::vector<std::uint8_t> pixel) {
+  const auto layout = grey_layout(four_characters(code));
   REQUIRE(layout);
   std::uint8_t grey = 0;
   pixel.resize(4);
@@ -26,19 +21,55 @@ int grey_of(const char* code, std::vector<std::uint8_t> pixel) {
 }  // namespace
 
 TEST_CASE("grey conversion: formats with a grey plane need none") {
-  for (const char* code : {"R8  ", "YU12", "NV12", "NV21", "NV16"}) {
-    REQUIRE(grey_layout(fourcc(code)));
-    CHECK(grey_layout(fourcc(code))->is_grey_plane());
+  for (const std::uint32_t code : {four_characters("R8  "), four_characters("YU12"), four_characters("NV12"),
+                                   four_characters("NV21"), four_characters("NV16")}) {
+    REQUIRE(grey_layout(code));
+    CHECK(grey_layout(code)->is_grey_plane());
   }
 }
 
-TEST_CASE("grey conversion: compressed and Bayer formats are not supported") {
-  for (const char* code : {"MJPG", "RGGB", "BA81", "R10 ", "    "}) CHECK(!grey_layout(fourcc(code)));
+TEST_CASE("grey conversion: Bayer formats and unknown packings are not supported") {
+  for (const std::uint32_t code : {four_characters("RGGB"), four_characters("BA81"), four_characters("    ")}) {
+    CHECK(!grey_layout(code));
+  }
+  CHECK(!grey_layout(four_characters("R8  "), 5));
+  CHECK(!grey_layout(four_characters("R16 "), std::uint64_t{12} << 56 | 1));  // compressed by the Pi 5
 }
 
-TEST_CASE("grey conversion: the cheaper format has the smaller rank") {
-  CHECK(grey_layout(fourcc("NV12"))->rank < grey_layout(fourcc("YUYV"))->rank);
-  CHECK(grey_layout(fourcc("YUYV"))->rank < grey_layout(fourcc("RG24"))->rank);
+TEST_CASE("grey conversion: MJPEG is known as pictures that have to be decoded") {
+  REQUIRE(grey_layout(four_characters("MJPG")));
+  CHECK(grey_layout(four_characters("MJPG"))->is_jpeg);
+  CHECK(!grey_layout(four_characters("MJPG"))->is_grey_plane());
+}
+
+TEST_CASE("grey conversion: of 10, 12 and 16 bits in words the upper 8 are used") {
+  CHECK(grey_of("R10 ", {0xFF, 0x03}) == 255);
+  CHECK(grey_of("R10 ", {0x03, 0x00}) == 0);
+  CHECK(grey_of("R10 ", {0x34, 0x02}) == 0x234 / 4);
+  CHECK(grey_of("R12 ", {0x34, 0x0A}) == 0xA34 / 16);
+  CHECK(grey_of("R12 ", {0xFF, 0x0F}) == 255);
+  CHECK(grey_of("R16 ", {0xFF, 0xAB}) == 0xAB);
+  CHECK(grey_of("R10 ", {0xFF, 0xFF}) == 255);  // bits that the format does not have
+}
+
+TEST_CASE("grey conversion: of packed 10 and 12 bits the byte with the low bits is left out, also in a last group") {
+  const std::vector<std::uint8_t> ten = {10, 20, 30, 40, 0xE4, 50, 60, 0, 0, 0xFF, 0xEE,
+                                         11, 21, 31, 41, 0xE4, 51, 61, 0, 0, 0xFF, 0xEE};
+  std::vector<std::uint8_t> grey(12);
+  convert_to_grey(*grey_layout(four_characters("R10 "), kMipiPacked), ten.data(), 6, 2, 11, grey.data());
+  CHECK(grey == std::vector<std::uint8_t>{10, 20, 30, 40, 50, 60, 11, 21, 31, 41, 51, 61});
+  const std::vector<std::uint8_t> twelve = {1, 2, 0xFF, 3, 0, 0xFF, 4, 5, 0xFF, 6, 0, 0xFF};
+  grey.resize(6);
+  convert_to_grey(*grey_layout(four_characters("R12 "), kMipiPacked), twelve.data(), 3, 2, 6, grey.data());
+  CHECK(grey == std::vector<std::uint8_t>{1, 2, 3, 4, 5, 6});
+}
+
+TEST_CASE("grey conversion: what is nearer to the sensor has the smaller rank") {
+  CHECK(grey_layout(four_characters("R8  "))->rank < grey_layout(four_characters("R10 "))->rank);
+  CHECK(grey_layout(four_characters("R10 "))->rank < grey_layout(four_characters("NV12"))->rank);
+  CHECK(grey_layout(four_characters("RG24"))->rank < grey_layout(four_characters("MJPG"))->rank);
+  CHECK(grey_layout(four_characters("NV12"))->rank < grey_layout(four_characters("YUYV"))->rank);
+  CHECK(grey_layout(four_characters("YUYV"))->rank < grey_layout(four_characters("RG24"))->rank);
 }
 
 TEST_CASE("grey conversion: of packed YUV the Y bytes are used, in either order") {
@@ -59,6 +90,6 @@ TEST_CASE("grey conversion: red, green and blue are weighted as in BT.601, in an
 TEST_CASE("grey conversion: rows are found by their stride, and their padding is ignored") {
   const std::vector<std::uint8_t> yuyv = {1, 9, 2, 9, 0xee, 0xee, 3, 9, 4, 9, 0xee, 0xee};
   std::vector<std::uint8_t> grey(4);
-  convert_to_grey(*grey_layout(fourcc("YUYV")), yuyv.data(), 2, 2, 6, grey.data());
+  convert_to_grey(*grey_layout(four_characters("YUYV")), yuyv.data(), 2, 2, 6, grey.data());
   CHECK(grey == std::vector<std::uint8_t>{1, 2, 3, 4});
 }

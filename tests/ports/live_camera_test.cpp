@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 #include "firmware/ports/camera.h"
@@ -17,10 +18,13 @@ constexpr int kPeriodMs = 20;
 struct Hardware {
   std::int64_t now_ns = 1'000'000 * kMs;  // passes only while somebody sleeps
   std::atomic<bool> plugged_in{true};
-  bool silent = false;              // the camera exists and delivers nothing
+  bool silent = false;  // the camera exists and delivers nothing
+  std::atomic<int> period_ms{kPeriodMs};
+  std::uint32_t broken = 0;         // pictures, since the camera was opened
   std::int64_t delay_ns = 3 * kMs;  // from a frame's exposure to its delivery
   std::atomic<int> open{0}, openings{0}, attempts{0};
   std::vector<std::string> reports;  // written by the opening thread, read when it is done
+  std::atomic<int> reported{0};
 
   ReplayClock clock() {
     return {.now_ns = [this] { return now_ns; },
@@ -39,7 +43,7 @@ class FakeCamera : public Camera {
 
   bool next(Frame& frame, int timeout_ms) override {
     if (ended()) return false;
-    hardware_.now_ns += (hardware_.silent ? timeout_ms : kPeriodMs) * kMs;
+    hardware_.now_ns += (hardware_.silent ? timeout_ms : hardware_.period_ms.load()) * kMs;
     if (hardware_.silent) return false;
     frame.exposure_ns = hardware_.now_ns - hardware_.delay_ns;
     frame.sequence = sequence_++;
@@ -47,6 +51,7 @@ class FakeCamera : public Camera {
   }
   bool ended() const override { return !hardware_.plugged_in; }
   std::string error() const override { return ended() ? "it was unplugged" : ""; }
+  CameraCounts counts() const override { return {.broken = hardware_.broken}; }
 
  private:
   Hardware& hardware_;
@@ -63,7 +68,11 @@ std::unique_ptr<Camera> live(Hardware& hardware) {
   settings.frames_per_second = 1000.0 / kPeriodMs;
   settings.stall_ms = 200;
   return keep_open(
-      open, settings, [&hardware](const std::string& message) { hardware.reports.push_back(message); },
+      open, settings,
+      [&hardware](const std::string& message) {
+        hardware.reports.push_back(message);
+        ++hardware.reported;
+      },
       hardware.clock());
 }
 
@@ -189,6 +198,48 @@ TEST_CASE("live camera: every change is reported once") {
   }
   CHECK(hardware.reports == std::vector<std::string>{"camera: no camera", "camera is open", "camera: it was unplugged",
                                                      "camera: no camera"});
+}
+
+TEST_CASE("live camera: a camera that gives less than half of the wanted frames is called slow, and that is reported") {
+  Hardware hardware;
+  {
+    const auto camera = live(hardware);
+    Frame frame;
+    REQUIRE(frame_within(*camera, frame, 20));
+    CHECK(camera->counts().rate_hz == 0);
+    for (int k = 0; k < 102; ++k) REQUIRE(camera->next(frame, 100));
+    CHECK(camera->counts().rate_hz == doctest::Approx(50));
+    CHECK(!camera->counts().is_slow);
+    while (hardware.reported < 2) std::this_thread::yield();
+    hardware.period_ms = 50;
+    for (int k = 0; k < 102; ++k) REQUIRE(camera->next(frame, 100));
+    CHECK(camera->counts().rate_hz == doctest::Approx(20));
+    CHECK(camera->counts().is_slow);
+    while (hardware.reported < 3) std::this_thread::yield();
+  }
+  REQUIRE(hardware.reports.size() == 3);
+  CHECK(hardware.reports[1] == "camera: gives 50.0 frames/s of the wanted 50.0");
+  CHECK(hardware.reports[2].starts_with("camera: gives 2"));  // 20, and the frame that was still fast
+  CHECK(hardware.reports[2].ends_with("frames/s of the wanted 50.0, less than half"));
+}
+
+TEST_CASE("live camera: broken pictures are counted over all openings, and a warning of them ends") {
+  Hardware hardware;
+  const auto camera = live(hardware);
+  Frame frame;
+  REQUIRE(frame_within(*camera, frame, 20));
+  hardware.broken = 3;
+  for (int k = 0; k < 102; ++k) REQUIRE(camera->next(frame, 100));
+  CHECK(camera->counts().broken == 3);
+  CHECK(camera->counts().breaks);
+  for (int k = 0; k < 102; ++k) REQUIRE(camera->next(frame, 100));
+  CHECK(!camera->counts().breaks);
+  hardware.plugged_in = false;
+  CHECK(!camera->next(frame, 100));
+  hardware.broken = 0;
+  hardware.plugged_in = true;
+  REQUIRE(frame_within(*camera, frame, 200));
+  CHECK(camera->counts().broken == 3);
 }
 
 TEST_CASE("live camera: after a thousand losses one camera is open, and none at the end") {
