@@ -3,7 +3,7 @@ import {device, isLive, listen, order} from "./device.js";
 import {text} from "./text.js";
 import {card, h, icon, setText} from "./dom.js";
 import {CameraView} from "./camera.js";
-import {WhyList, softEdge} from "./why.js";
+import {WhyList, pictureReasons, softEdge} from "./why.js";
 import {lensStep} from "./setup_lens.js";
 import {mountStep} from "./setup_mount.js";
 
@@ -42,13 +42,12 @@ function networkStep() {
 
 function cameraStep() {
   const t = text.setup.camera;
-  const sharp = meter(t.sharp), bright = meter(t.bright), list = checks(6);
+  const sharp = meter(t.sharp), bright = meter(t.bright), list = checks(6), why = new WhyList(pictureReasons);
   const camera = new CameraView({places: true, onpicture: update});
-  let best = Infinity;
   function update() {
     const p = device.picture, soft = softEdge();
+    why.update();
     if (performance.now() - p.at > 3000) return;
-    if (p.edge > 0) best = Math.min(best, p.edge);
     const sharpEnough = p.edge > 0 && p.edge <= soft;
     sharp.show(p.edge > 0 ? 1.6 / p.edge : 0, sharpEnough ? "" : p.edge > 2 * soft ? "bad" : "warn", p.edge ? t.edge(p.edge.toFixed(1)) : "–");
     const dark = p.mean < 25, white = p.white > 0.1;
@@ -64,8 +63,8 @@ function cameraStep() {
   }
   update();
   return {element: h("div", {class: "two"}, card(t.title, null, camera.element, h("footer", {}, t.text)),
-                     card(t.checks, null, h("div", {class: "body"}, sharp.element, bright.element, h("p"), list.element))),
-          leave: () => camera.stop()};
+                     card(t.checks, null, h("div", {class: "body"}, sharp.element, bright.element, h("p"), list.element, h("p"), why.element))),
+          update, leave: () => camera.stop()};
 }
 
 function zeroStep() {

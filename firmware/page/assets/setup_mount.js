@@ -3,9 +3,10 @@ import {device, change, get} from "./device.js";
 import {text} from "./text.js";
 import {card, h, setText, toast} from "./dom.js";
 import {CameraView} from "./camera.js";
+import {WhyList, pictureReasons} from "./why.js";
 
 export function mountStep() {
-  const t = text.setup.mount, result = h("div");
+  const t = text.setup.mount, result = h("div"), why = new WhyList(pictureReasons);
   const camera = new CameraView({places: true});
   let now = {};
   const measure = h("button", {class: "main", onclick: async () => {
@@ -43,6 +44,6 @@ export function mountStep() {
   }
   refresh();
   return {element: h("div", {}, h("div", {class: "two"}, card(t.title, [h("button", {onclick: () => use("/api/mount/restore", t.restored)}, t.restore), measure], camera.element, h("footer", {}, t.text)),
-                                  h("div", {}, result))),
-          leave() { stopped = true; camera.stop(); }};
+                                  h("div", {}, why.element, result))),
+          update: () => why.update(), leave() { stopped = true; camera.stop(); }};
 }

@@ -8,6 +8,7 @@ const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 
 // Markers may move this many of their own sides between the drawing and the device before they count as misplaced.
 const farSides = 0.7;
+const pictureFault = /^(image_|markers_lost|camera_(lost|frozen))/;  // of the registers' faults
 const shown = 1;  // seconds that a marker must be hidden before it is worth a word
 
 function markerProblems(frame) {
@@ -34,7 +35,7 @@ function markerProblems(frame) {
     const [x, y] = [rest[p][0] / width, rest[p][1] / height];
     if (at[p]) found.push({level: "bad", say: text.why.misplaced(text.plates[p])});
     else if (x < 0 || y < 0 || x > 1 || y > 1) found.push({level: "bad", say: text.why.hidden_outside(text.plates[p])});
-    else found.push({level: "warn", say: text.why.hidden(text.plates[p], text.seconds(seconds), x, y)});
+    else found.push({level: "warn", hidden: true, say: text.why.hidden(text.plates[p], text.seconds(seconds), x, y)});
   }
   return found;
 }
@@ -51,18 +52,22 @@ export function reasons() {
   const registers = device.registers;
   const found = [];
   const fault = registers.value("fault");
-  if (fault && fault !== "none") found.push({level: "bad", say: text.why.faults[fault] || [fault.replaceAll("_", " "), ""]});
+  if (fault && fault !== "none") {
+    found.push({level: "bad", picture: fault in text.why.faults && pictureFault.test(fault), say: text.why.faults[fault] || [fault.replaceAll("_", " "), ""]});
+  }
   const has = (bit) => registers.has("status", bit);
   if (isLive()) {
-    found.push(...markerProblems(device.frame));
     const edge = device.picture.edge;
-    if (fault !== "image_out_of_focus" && performance.now() - device.picture.at < 3000 && edge > softEdge()) {
-      found.push({level: "warn", say: text.why.unsharp(edge.toFixed(1))});
-    }
+    const soft = performance.now() - device.picture.at < 3000 && edge > softEdge();
+    // A picture in which nothing can be found hides markers, too: nothing covers them.
+    const blind = soft || pictureFault.test(fault ?? "");
+    found.push(...markerProblems(device.frame).filter((f) => !(blind && f.hidden)).map((f) => ({...f, picture: true})));
+    if (soft && fault !== "image_out_of_focus") found.push({level: "warn", picture: true, say: text.why.unsharp(edge.toFixed(1))});
   } else if (device.blockError && !(fault && fault !== "none")) {
     found.push({level: "warn", say: text.why.no_block(device.blockError)});
   }
   if (has("over_range")) found.push({level: "warn", say: text.why.over_range});
+  if (has("unexplained")) found.push({level: "warn", say: text.why.unexplained});
   if (has("overload")) found.push({level: "warn", say: text.why.overload});
   if (has("held")) found.push({level: "warn", say: text.why.held});
   if (has("solver_fallback")) found.push({level: "warn", say: text.why.fallback});
@@ -70,10 +75,15 @@ export function reasons() {
   if (has("settings_unsaved")) found.push({level: "info", say: text.why.unsaved, act: [text.why.save, () => order("save")]});
   if (!found.some((f) => f.level !== "info")) {
     if (has("touch_valid")) found.unshift({level: "good", say: [text.why.all_good_touch, ""]});
-    else found.unshift({level: "good", say: registers.value("largest_displacement") > 3 ? text.why.not_located : text.why.rest});
+    else if (!has("shape_valid")) found.unshift({level: "warn", say: text.why.no_shape});
+    else if (registers.value("largest_displacement") > 3) found.unshift({level: "info", say: text.why.not_located});
+    else found.unshift({level: "good", say: text.why.rest});
   }
   return found;
 }
+
+/** Of reasons(): what can be seen in the picture, for the step that aims the camera. */
+export const pictureReasons = () => reasons().filter((r) => r.picture);
 
 /** One word for the header. */
 export function summary() {
@@ -87,12 +97,13 @@ export function summary() {
 
 /** The reasons as notices, kept up to date with as little change as possible. */
 export class WhyList {
-  constructor() {
+  constructor(which = reasons) {
+    this.which = which;
     this.element = h("div", {class: "why", role: "status", "aria-live": "polite"});
     this.key = "";
   }
   update() {
-    const all = reasons();
+    const all = this.which();
     const key = JSON.stringify(all.map((r) => [r.level, r.say]));
     if (key === this.key) return;
     this.key = key;
