@@ -103,6 +103,22 @@ void open_page(const Settings& settings, const Model& model, const std::optional
   }
 }
 
+/// What was imported on the page takes the place of what was saved. A file that cannot be used is put aside.
+void take_imported(const Settings& settings, const ZeroBasis& basis) {
+  if (!settings.page || settings.page->measured.empty() || settings.saved_state.empty()) return;
+  const std::filesystem::path file = settings.page->measured / kImportedState;
+  try {
+    const std::optional<LoadedState> imported = load_state(file, &basis);
+    if (!imported) return;
+    if (!imported->problem.empty()) throw InputError(imported->problem, "nothing of the import is used");
+    save_state(settings.saved_state, imported->state, basis);
+    log_message("settings and zero were imported on the page");
+  } catch (const InputError& error) {
+    log_message(error.what());
+  }
+  std::filesystem::remove(file);
+}
+
 /// The work itself. Opens everything in an order in which every thread starts before the loop becomes real-time.
 int measure(const Arguments& arguments, const Settings& settings) {
   const Model model = Model::open(settings.pack);
@@ -115,6 +131,7 @@ int measure(const Arguments& arguments, const Settings& settings) {
   FrameLoop loop(model, images ? std::optional(images->lens) : std::nullopt, loop_settings);
   const OpenSource source = open_source(settings, images);
   const ZeroBasis basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount))};
+  if (!arguments.check) take_imported(settings, basis);
   const LoadedState saved = load_state_or_factory(settings.saved_state, &basis, settings.loop.runtime);
   if (!saved.problem.empty()) {
     log_message(saved.problem);

@@ -9,6 +9,7 @@
 #include "firmware/calibrate/median.h"
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
+#include "firmware/settings/toml_table.h"
 
 namespace finsight {
 
@@ -225,7 +226,17 @@ std::string lens_file(const LensCalibration& calibration, const std::string& sou
   toml += text("# fx %.3f, fy %.3f, cx %.3f, cy %.3f pixels; k1 %.5f, k2 %.5f, p1 %.5f, p2 %.5f, k3 %.5f\n", s[0], s[1],
                s[2], s[3], s[4], s[5], s[6], s[7], s[8]);
   toml += "# In a board file: lens = \"this file\" under [source], or these lines under [source.lens].\n";
-  return toml + text("width_px = %d\nheight_px = %d\n", lens.width_px, lens.height_px) + lens_toml(lens);
+  return toml + lens_text(lens);
+}
+
+std::string lens_text(const Lens& lens) {
+  return text("width_px = %d\nheight_px = %d\n", lens.width_px, lens.height_px) + lens_toml(lens);
+}
+
+Lens read_lens_text(const std::string& text, const std::string& name, int width_px, int height_px) {
+  const Lens lens = read_lens(TomlTable::parse_text(text, name), width_px, height_px);
+  check_lens(lens);
+  return lens;
 }
 
 Coverage coverage_of(const LensCalibration& calibration, std::vector<BoardView>& views) {

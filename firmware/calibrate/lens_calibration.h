@@ -32,6 +32,10 @@ LensCalibration calibrate_lens(
 /// What a board file's key `lens` names (firmware/ports/session.h, read_lens()), with comments. `source`: of the
 /// images.
 std::string lens_file(const LensCalibration& calibration, const std::string& source);
+/// The lens alone, in the same form; and what was written so. Throws InputError naming `name`, the key and what is
+/// wrong, also for another size of images.
+std::string lens_text(const Lens& lens);
+Lens read_lens_text(const std::string& text, const std::string& name, int width_px, int height_px);
 
 /// How well the views cover the image and the tilts.
 struct Coverage {

@@ -78,8 +78,14 @@ BlockContents contents_of(const Settings& settings, const Model& model, const Su
     about["lens"] = lens;
     about["markers"] = markers_at_rest(mount, images->lens);
   }
+  about["mount"] = measured_mount_toml(poses_of(mount));
   contents.about = about.dump();
   return contents;
+}
+
+std::array<float, 6> six_of(const PlateMotion& motion) {
+  const Vec3f &d = motion.displacement_mm, &r = motion.rotation_rad;
+  return {d.x(), d.y(), d.z(), r.x(), r.y(), r.z()};
 }
 
 PublishedTimes times_of(const TimeHistogram& times) {
@@ -135,6 +141,17 @@ void PagePublisher::note_times(const StageTimes& times) {
                   times_of(times.frame)};
 }
 
+void PagePublisher::note_zero(const FrameLoop& loop) {
+  const std::optional<ZeroPose>& zero = loop.zeroing().zero();
+  const std::optional<Vec3f>& g = loop.gravity().at_zero();
+  frame_.has_zero = zero.has_value();
+  frame_.has_zero_g = g.has_value();
+  if (zero) {
+    for (std::size_t p = 0; p < kPlates; ++p) frame_.zero[p] = six_of((*zero)[p]);
+  }
+  if (g) frame_.zero_g = {g->x(), g->y(), g->z()};
+}
+
 void PagePublisher::publish(const FrameLoop& loop, const RegisterImage& registers, const Frame* picture,
                             std::int64_t work_ns) {
   const FrameLoop::View& view = loop.view();
@@ -148,16 +165,13 @@ void PagePublisher::publish(const FrameLoop& loop, const RegisterImage& register
     frame_.marker_found[p] = view.corners && view.corners->seen[p];
     frame_.plate_seen[p] = view.poses.seen[p];
     frame_.reprojection_px[p] = view.poses.reprojection_px[p];
-    const PlateMotion& motion = view.poses.plates[p];
-    for (int axis = 0; axis < 3; ++axis) {
-      frame_.plate[p][static_cast<std::size_t>(axis)] = motion.displacement_mm[axis];
-      frame_.plate[p][static_cast<std::size_t>(3 + axis)] = motion.rotation_rad[axis];
-    }
+    frame_.plate[p] = six_of(view.poses.plates[p]);
     if (!frame_.marker_found[p]) continue;
     for (std::size_t k = 0; k < 4; ++k) {
       frame_.corners_px[p][k] = {view.corners->corners_px[p][k].x(), view.corners->corners_px[p][k].y()};
     }
   }
+  note_zero(loop);
   note_times(loop.times());
   std::span<const std::int16_t> shape;
   if (block_.is_watched() && view.shape.quality != Quality::kInvalid && !view.shape.node_mm.empty()) {

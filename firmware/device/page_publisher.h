@@ -32,6 +32,7 @@ class PagePublisher {
 
  private:
   void note_times(const StageTimes& times);
+  void note_zero(const FrameLoop& loop);
 
   const SurfaceMesh surface_;
   const std::vector<float> rest_mm_;  ///< of the surface's points, [points, 3]

@@ -1,56 +1,22 @@
 #include "firmware/device/saved_state.h"
 
-#include <cstdio>
 #include <utility>
 
 #include "firmware/device/log.h"
 #include "firmware/input_error.h"
 #include "firmware/model/model.h"
 #include "firmware/settings/atomic_file.h"
+#include "firmware/settings/state_text.h"
 #include "firmware/settings/toml_table.h"
 
 namespace finsight {
 
 namespace {
 
-// Of the file; a new one when its keys change. Version 1 did not say what the zero was measured with; up to version 2
+// Of the file. Version 1 did not say what the zero was measured with; up to version 2
 // there were fewer settings; up to version 3 a zero did not say how the finger stood.
-constexpr int kVersion = 4, kVersionWithoutBasis = 1, kVersionOfFewerSettings = 2;
+constexpr int kVersionWithoutBasis = 1, kVersionOfFewerSettings = 2;
 constexpr int kLastOfFewerSettings = kTriggerCommand;
-
-void add_numbers(std::string& text, const PlateMotion& motion) {
-  for (int i = 0; i < 6; ++i) {
-    char number[32];
-    const double value = static_cast<double>(i < 3 ? motion.displacement_mm[i] : motion.rotation_rad[i - 3]);
-    std::snprintf(number, sizeof number, "%s%.9g", i ? ", " : "", value);
-    text += number;
-  }
-}
-
-std::string text_of(const SavedState& state, const ZeroBasis& basis) {
-  std::string text =
-      "# Written by finsightd when a client saves; without this file the factory settings are used.\nversion = " +
-      std::to_string(kVersion) + "\n[settings]\n";
-  for (int i = 0; i < kSettingCount; ++i) {
-    text += std::string(setting_row(i).name) + " = " +
-            std::to_string(state.settings.words[static_cast<std::size_t>(i)]) + "\n";
-  }
-  text += "[zero]\nset = " + std::string(state.zero ? "true" : "false") + "\n";
-  if (!state.zero) return text;
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    text += std::string(kPlateNames[p]) + " = [";
-    add_numbers(text, (*state.zero)[p]);
-    text += "]  # mm, rad\n";
-  }
-  if (state.zero_g) {
-    char line[96];
-    const Eigen::Vector3d g = state.zero_g->cast<double>();
-    std::snprintf(line, sizeof line, "gravity_g = [%.9g, %.9g, %.9g]  # when it was measured\n", g.x(), g.y(), g.z());
-    text += line;
-  }
-  text += "model = \"" + checksum_text(basis.model_checksum) + "\"  # that it was measured with, and the mount\n";
-  return text + measured_mount_toml(basis.mount, "zero.mount.");
-}
 
 /// Those that the file's version did not have yet get their factory values.
 RuntimeSettings read_settings_table(TomlTable table, std::int64_t version) {
@@ -112,7 +78,7 @@ std::string mismatch(const StoredZero& zero, const ZeroBasis& basis) {
 std::optional<LoadedState> load_state(const std::filesystem::path& file, const ZeroBasis* basis) {
   if (!std::filesystem::exists(file)) return std::nullopt;
   TomlTable root = TomlTable::parse_file(file);
-  const auto version = root.integer("version", kVersionWithoutBasis, kVersion);
+  const auto version = root.integer("version", kVersionWithoutBasis, kStateVersion);
   LoadedState loaded{{read_settings_table(root.table("settings"), version), std::nullopt, std::nullopt}, ""};
   const auto zero = read_zero(root.table("zero"), version != kVersionWithoutBasis);
   root.finish();
@@ -139,7 +105,7 @@ LoadedState load_state_or_factory(const std::filesystem::path& file, const ZeroB
 }
 
 void save_state(const std::filesystem::path& file, const SavedState& state, const ZeroBasis& basis) {
-  write_file_atomically(file, text_of(state, basis));
+  write_file_atomically(file, state_text(state.settings, state.zero, state.zero_g, basis.model_checksum, basis.mount));
 }
 
 StateSaver::StateSaver(std::filesystem::path file, ZeroBasis basis)

@@ -53,8 +53,10 @@ class FrameLoop {
   /// From the next frame on.
   void use(const RuntimeSettings& settings) { state_.settings = settings; }
   Zeroing& zeroing() { return zeroing_; }
+  const Zeroing& zeroing() const { return zeroing_; }
   /// From the next frame on; also with what the zero was measured.
   GravityCorrection& gravity() { return gravity_; }
+  const GravityCorrection& gravity() const { return gravity_; }
   ProcessValues& process_values() { return process_; }
   void show_unsaved(bool unsaved) { state_.settings_unsaved = unsaved; }
   /// Stays, where the frame itself has no other fault, until it is set to kNone.

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "firmware/page/import.h"
 #include "firmware/page/json_body.h"
 #include "firmware/page/picture.h"
 #include "firmware/page/register_text.h"
@@ -29,6 +30,15 @@ Answer not_found() { return refused({404, "There is nothing under this address."
 std::string text_of(const json& body, const char* name) {
   const auto found = body.find(name);
   return found != body.end() && found->is_string() ? found->get<std::string>() : "";
+}
+
+Identity identity_in(const json& about) {
+  Identity identity{.pack_checksum = text_of(about, "pack_checksum"), .model_name = text_of(about, "finger")};
+  if (about.contains("lens")) {
+    identity.width_px = about["lens"].at("width_px").get<int>();
+    identity.height_px = about["lens"].at("height_px").get<int>();
+  }
+  return identity;
 }
 
 }  // namespace
@@ -133,17 +143,34 @@ Answer Api::export_all() {
   const json values = device_.values();
   if (values.contains("error")) return refused({503, values["error"].get<std::string>()});
   const json about = json_body(device_.about());
-  json file = {{"finsight_export", 1},
-               {"serial_number", values["serial_number"]},
-               {"firmware_version", values["firmware_version"]},
-               {"model_name", values["model_name"]},
-               {"pack_checksum", values["pack_checksum"]},
-               {"settings", device_.settings_json()}};
-  if (about.is_object() && about.contains("lens")) file["lens"] = about["lens"];
+  if (!about.is_object()) return refused({503, "finsightd publishes nothing, so lens, mount and zero are not known."});
+  json file = export_file(identity_in(about), device_.settings_json(), about, device_.frame());
+  file["serial_number"] = values["serial_number"];
+  file["firmware_version"] = values["firmware_version"];
   Answer answer{.body = file.dump(2) + "\n", .file_name = "finsight-" + text_of(values, "serial_number") + ".json"};
   std::erase_if(answer.file_name,
                 [](char c) { return !(std::isalnum(static_cast<unsigned char>(c)) || c == '-' || c == '.'); });
   return answer;
+}
+
+Answer Api::import_all(const json& file) {
+  const std::filesystem::path& folder = settings_.page->measured;
+  if (folder.empty() || settings_.saved_state.empty()) {
+    return refused({409, "Nothing can be imported here: the board file has no page.measured or no storage.settings."});
+  }
+  const json about = json_body(device_.about());
+  if (!about.is_object()) return refused({503, "finsightd publishes nothing: it is not running, or is in safe mode."});
+  SettingsWords words;
+  if (const auto refusal = device_.read_settings(words)) return refused(*refusal);
+  const Model model = Model::open(settings_.pack);
+  Import import;
+  if (const auto refusal = read_import(file, identity_in(about), words, model.mount, model.checksum, import)) {
+    return refused(*refusal);
+  }
+  return done_or(store_import(folder, import, [&] {
+    std::uint16_t sequence = 0;
+    return device_.order("reset", sequence);
+  }));
 }
 
 Answer Api::diagnostics() {
@@ -198,12 +225,7 @@ Answer Api::change(const Request& request, const json& body) {
     if (on == body.end() || !on->is_boolean()) return refused({400, "Expected {\"on\": true or false}."});
     return done_or(device_.write(kExclusiveRegister, std::array<std::uint16_t, 1>{on->get<bool>()}));
   }
-  if (path == "/api/import") {
-    if (body.value("finsight_export", json()) != 1 || !body.contains("settings")) {
-      return refused({400, "This is not a file that the page has exported."});
-    }
-    return done_or(device_.change_settings(body["settings"]));
-  }
+  if (path == "/api/import") return import_all(body);
   if (path.starts_with("/api/lens/") || path.starts_with("/api/mount/")) return set_up(path, body);
   if (path == "/api/recordings/delete") return done_or(recordings_.remove(text_of(body, "name")));
   return not_found();

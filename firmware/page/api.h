@@ -36,6 +36,7 @@ class Api {
   Answer picture();
   Answer shape();
   Answer export_all();
+  Answer import_all(const nlohmann::json& file);
   Answer diagnostics();
 
   const Settings& settings_;

@@ -7,7 +7,6 @@
 
 #include "firmware/modbus/registers.h"
 #include "firmware/page/register_text.h"
-#include "firmware/page/settings_change.h"
 
 namespace finsight::page {
 
@@ -238,6 +237,14 @@ std::optional<Refusal> Device::order(const std::string& command, std::uint16_t& 
   sequence_ = sequence_ == 0xFFFF ? 1 : static_cast<std::uint16_t>(sequence_ + 1);
   sequence = sequence_;
   return write_unlocked(kCommandRegister, std::array{found->value, sequence});
+}
+
+std::optional<Refusal> Device::read_settings(SettingsWords& settings) {
+  const std::lock_guard guard(modbus_mutex_);
+  const Words& words = registers(0);
+  if (!words.error.empty()) return Refusal{503, words.error};
+  settings = SettingsWords(words.control, words.process);
+  return std::nullopt;
 }
 
 std::optional<Refusal> Device::change_settings(const json& wanted) {

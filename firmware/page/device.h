@@ -12,6 +12,7 @@
 #include "firmware/modbus/register_client.h"
 #include "firmware/modbus/register_table.h"
 #include "firmware/page/request_guard.h"
+#include "firmware/page/settings_change.h"
 #include "firmware/published/block.h"
 #include "firmware/settings/settings.h"
 
@@ -46,6 +47,8 @@ class Device {
   std::optional<Refusal> order(const std::string& command, std::uint16_t& sequence);
   /// Settings by name, in their units; all of them or none.
   std::optional<Refusal> change_settings(const nlohmann::json& wanted);
+  /// As they are now.
+  std::optional<Refusal> read_settings(SettingsWords& settings);
 
  private:
   struct Words {

@@ -24,7 +24,7 @@ namespace finsight {
 inline constexpr const char* kBlockName = "published";
 inline constexpr const char* kWatchingName = "watching";
 /// Of the block's layout. Readers refuse any other.
-inline constexpr std::uint32_t kBlockVersion = 1;
+inline constexpr std::uint32_t kBlockVersion = 2;
 
 /// Times of a stage of the frame loop since the start, microseconds.
 struct PublishedTimes {
@@ -45,7 +45,10 @@ struct PublishedFrame {
   std::array<std::array<float, 6>, kPlates> plate{};  ///< displacement (mm), rotation vector (rad)
   std::uint8_t has_image = 0;                         ///< a camera or session, not recorded poses
   std::array<PublishedTimes, kPublishedStages.size()> times{};
-  float work_us = 0;  ///< this frame, from its arrival until everything was published
+  std::uint8_t has_zero = 0, has_zero_g = 0;
+  std::array<std::array<float, 6>, kPlates> zero{};  ///< the zero in use, as `plate`
+  std::array<float, 3> zero_g{};                     ///< acceleration of things that fell when it was measured
+  float work_us = 0;                                 ///< this frame, from its arrival until everything was published
 };
 static_assert(std::is_trivially_copyable_v<PublishedFrame>);
 

@@ -39,6 +39,8 @@ struct PageSettings {
 };
 /// In PageSettings::measured. They replace those of the board file or session.
 inline constexpr const char *kMeasuredLens = "lens.toml", *kMeasuredMount = "mount.toml";
+/// Settings and zero that were imported: at its next start finsightd saves them as its own and removes the file.
+inline constexpr const char* kImportedState = "state.toml";
 
 struct Settings {
   std::filesystem::path pack;

@@ -15,10 +15,13 @@ import tarfile
 import time
 import unittest
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
-from end_to_end import prepare  # and scripts/lib is in the path from here on
-from page_device import KEY, Device
+from end_to_end import WORK, prepare  # and scripts/lib is in the path from here on
+from page_device import KEY, Device, render
 from register_block import Reader
+
+REST = WORK / "rest"
 
 
 class Interface(unittest.TestCase):
@@ -92,10 +95,7 @@ class Interface(unittest.TestCase):
             self.assertEqual(self.device.post("/api/settings", wrong, token)[0], 400, wrong)
         now = self.device.get("/api/export")[1]["settings"]
         self.assertEqual((now["contact_on"], now["contact_off"], now["hold_time"]), (0.05, 0.03, before["hold_time"]))
-        export = {"finsight_export": 1, "settings": before}
-        self.assertEqual(self.device.post("/api/import", export, token)[0], 200)
-        self.assertEqual(self.device.get("/api/export")[1]["settings"], before)
-        self.assertEqual(self.device.post("/api/import", {"settings": before}, token)[0], 400)
+        self.assertEqual(self.device.post("/api/settings", before, token)[0], 200)
 
     def test_a_recording_is_made_downloaded_and_deleted(self):
         token = self.device.unlock()
@@ -126,6 +126,46 @@ class Interface(unittest.TestCase):
         self.assertEqual(self.device.post("/api/lens/remove", {"id": lens["views"][0]["id"]}, self.device.unlock())[0], 200)
         self.assertEqual(self.device.wait(settled, "removal")["views"], [])
         self.assertIn(b"<svg", self.device.request("GET", "/api/lens/board.svg")[2][:200])
+
+
+class Moving(unittest.TestCase):
+    """Everything that was set up on one device, as one file, into another."""
+
+    def device(self):
+        device = Device(REST).__enter__()
+        self.addCleanup(device.__exit__)
+        return device
+
+    def test_settings_lens_mount_and_zero_move_to_another_device_and_are_saved_there(self):
+        first = self.device()
+        self.assertEqual(first.order("zero", first.unlock()), "done")
+        self.assertEqual(first.post("/api/settings", {"hold_time": 250}, first.unlock())[0], 200)
+        file = first.get("/api/export")[1]
+        self.assertLessEqual({"low", "middle", "top"}, set(file["zero"]))
+        self.assertIn("[camera]", file["mount"])
+        self.assertIn("fx_fy_cx_cy", file["lens"])
+        second = self.device()
+        self.assertEqual(second.get("/api/export")[1]["zero"], None)
+        saved = Path(second.folder.name) / "state.toml"
+
+        def refused(changes, words):
+            status, answer = second.post("/api/import", file | changes, second.unlock())
+            self.assertIn(status, (400, 409), answer)
+            self.assertIn(words, answer["error"])
+        refused({"pack_checksum": "sha256:0"}, "pack_checksum: found")
+        refused({"settings": {"hold_time": 1e6}}, "hold_time: found")
+        refused({"zero": {"top": [1]}}, "zero.top")
+        refused({"mount": file["mount"].replace("position_mm = [", "position_mm = [9", 1)}, "another finger")
+        self.assertEqual(list((Path(second.folder.name) / "measured").glob("*")), [])
+        self.assertEqual(second.post("/api/import", file, second.unlock())[0], 200)
+        state = second.wait(lambda: (s := second.get("/api/state")[1]).get("hold_time") == 250 and s, "restart with what was imported")
+        self.assertIn("zeroed", second.wait(lambda: "ready" in (s := second.get("/api/state")[1])["status"] and s, "measurement")["status"])
+        self.assertNotIn("settings_unsaved", state["status"])
+        self.assertIn("set = true", saved.read_text())
+        self.assertFalse((Path(second.folder.name) / "measured" / "state.toml").exists())
+        again = second.wait(lambda: (e := second.get("/api/export")[1]).get("zero") and e, "export")
+        self.assertEqual({key: again[key] for key in ("settings", "zero", "lens", "mount")},
+                         {key: file[key] for key in ("settings", "zero", "lens", "mount")})
 
 
 class Misuse(unittest.TestCase):
@@ -287,4 +327,5 @@ class Misuse(unittest.TestCase):
 
 if __name__ == "__main__":
     prepare()
+    render(REST, "--motion", "rest", "--seconds", "3")
     unittest.main(verbosity=2)

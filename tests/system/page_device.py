@@ -8,10 +8,16 @@ import tempfile
 import time
 from pathlib import Path
 
-from end_to_end import BINARIES, PACK, SESSION, session_source
+from end_to_end import BINARIES, PACK, SESSION, SPEC, session_source
 from firmware_process import free_port
 
 KEY = 18003
+
+
+def render(folder, *words):
+    newest = max((BINARIES / "hostgen").stat().st_mtime, SPEC.stat().st_mtime)
+    if not folder.exists() or folder.stat().st_mtime < newest:
+        subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", folder, "--size", "640x480", *words], check=True)
 
 
 class Device:

@@ -65,8 +65,7 @@ export function settingsPage() {
       if (file.size > 200000) throw new Error(t.not_json);
       let content;
       try { content = JSON.parse(await file.text()); } catch { throw new Error(t.not_json); }
-      const same = content.pack_checksum === device.registers.value("pack_checksum");
-      if (content.finsight_export === 1 && !same && !confirm(t.other_pack(content.model_name))) return;
+      if (!confirm(t.import_ask)) return;
       await post("/api/import", content);
       toast(t.imported);
       fields.forEach((f) => f.reset());
