@@ -108,6 +108,7 @@ void take_imported(const Settings& settings, const ZeroBasis& basis) {
   if (!settings.page || settings.page->measured.empty() || settings.saved_state.empty()) return;
   const std::filesystem::path file = settings.page->measured / kImportedState;
   try {
+    if (!std::filesystem::is_regular_file(file)) return;
     const std::optional<LoadedState> imported = load_state(file, &basis);
     if (!imported) return;
     if (!imported->problem.empty()) throw InputError(imported->problem, "nothing of the import is used");
@@ -194,6 +195,9 @@ FaultCode fault_after(const std::string& exit_code) {
 
 int start(const Arguments& arguments) {
   const SettingsFiles files(arguments.settings, arguments.user);
+  if (!arguments.check && !arguments.safe_outputs && arguments.network.empty()) {
+    if (const auto page = read_usable_settings(files).page) keep_log(page->folder);
+  }
   if (!arguments.safe_mode.empty()) {
     SafeMode(files, fault_after(arguments.safe_mode)).run(stop_requested);
     return kDone;

@@ -1,11 +1,16 @@
-// The service's log: one line per message, to standard error.
+// The service's log: one line per message, to standard error, and where the page shows it.
 #pragma once
 
-#include <cstdio>
+#include <filesystem>
 #include <string>
 
 namespace finsight {
 
-inline void log_message(const std::string& message) { std::fprintf(stderr, "finsightd: %s\n", message.c_str()); }
+/// Thread-safe.
+void log_message(const std::string& message);
+
+/// From now on messages are also kept in `folder`, the last 64 kB of them, for the page. Where that fails there are
+/// none.
+void keep_log(const std::filesystem::path& folder);
 
 }  // namespace finsight

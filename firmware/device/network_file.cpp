@@ -3,7 +3,7 @@
 namespace finsight {
 
 std::string networkd_file(const NetworkSettings& settings) {
-  std::string text = "[Match]\nType=ether\n[Network]\nLinkLocalAddressing=no\nIPv6AcceptRA=no\n";
+  std::string text = "[Match]\nType=ether\n[Network]\nLinkLocalAddressing=ipv4\nIPv6AcceptRA=no\n";
   if (settings.address.empty()) {
     text += "DHCP=ipv4\n[DHCPv4]\nUseDNS=no\nUseNTP=no\nUseHostname=no\n";
   } else {

@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 
 #include "firmware/page/import.h"
 #include "firmware/page/json_body.h"
 #include "firmware/page/picture.h"
 #include "firmware/page/register_text.h"
+#include "firmware/page/tar.h"
 
 namespace finsight::page {
 
@@ -17,6 +21,9 @@ using nlohmann::json;
 
 constexpr int kJpegQuality = 80;
 constexpr double kBoardSquare_mm = 18;  // ten of them fit on a sheet of A4
+// Of the image's system: which version runs, and whether another one has been installed and starts next.
+constexpr const char *kRelease = "/usr/lib/finsight/release", *kRestarts = "/run/finsight/updated";
+constexpr std::string_view kPicturePath = "/api/pictures/";
 constexpr std::string_view kRecordingPath = "/api/recordings/";
 
 Answer json_answer(const json& value) { return {.body = value.dump(-1, ' ', false, json::error_handler_t::replace)}; }
@@ -43,11 +50,14 @@ Identity identity_in(const json& about) {
 
 }  // namespace
 
-Api::Api(const Settings& settings, Device& device, Setup& setup, std::span<const Asset> assets)
+Api::Api(const Settings& settings, Device& device, Setup& setup, BadPictures& bad_pictures,
+         std::span<const Asset> assets)
     : settings_(settings),
       device_(device),
       setup_(setup),
+      bad_pictures_(bad_pictures),
       sessions_(settings.write_key, *settings.page),
+      updates_(settings.page->updates, kRelease, kRestarts),
       assets_(assets),
       recordings_(settings.recordings),
       table_(register_table_json().dump()) {}
@@ -92,7 +102,15 @@ Answer Api::get(const Request& request) {
     return {.type = "application/toml", .body = std::move(file), .file_name = is_lens ? "lens.toml" : "mount.toml"};
   }
   if (path == "/api/export") return export_all();
-  if (path == "/api/diagnostics") return diagnostics();
+  if (path == "/api/diagnostics") return {.body = diagnostics().dump(2), .file_name = "finsight-diagnostics.json"};
+  if (path == "/api/diagnostics.tar") return everything();
+  if (path == "/api/log") return {.type = "text/plain; charset=utf-8", .body = log()};
+  if (path == "/api/update") return json_answer(updates_.state());
+  if (path == "/api/pictures") return json_answer(bad_pictures_.list(steady_now_ns()));
+  if (path.starts_with(kPicturePath) && path.ends_with(".jpg")) {
+    std::string jpeg = bad_pictures_.jpeg(std::atoi(path.c_str() + kPicturePath.size()));
+    if (!jpeg.empty()) return {.type = "image/jpeg", .body = std::move(jpeg)};
+  }
   if (path == "/api/recordings")
     return json_answer({{"configured", !settings_.recordings.empty()}, {"sessions", recordings_.list()}});
   if (path.starts_with(kRecordingPath) && path.ends_with(".tar")) {
@@ -173,10 +191,14 @@ Answer Api::import_all(const json& file) {
   }));
 }
 
-Answer Api::diagnostics() {
+json Api::diagnostics() {
   json about = json_body(device_.about());
   if (about.is_object()) about.erase("surface");
-  json file = {{"finsight_diagnostics", 1}, {"about", about}, {"registers", device_.values()}};
+  json file = {{"finsight_diagnostics", 1},
+               {"about", about},
+               {"registers", device_.values()},
+               {"pictures", bad_pictures_.list(steady_now_ns())},
+               {"update", updates_.state()}};
   if (const auto frame = device_.frame()) {
     for (std::size_t s = 0; s < kPublishedStages.size(); ++s) {
       const PublishedTimes& times = frame->times[s];
@@ -184,10 +206,44 @@ Answer Api::diagnostics() {
           {"p50", times.p50_us}, {"p99", times.p99_us}, {"worst", times.worst_us}};
     }
   }
-  return {.body = file.dump(2) + "\n", .file_name = "finsight-diagnostics.json"};
+  return file;
+}
+
+/// What finsightd has said, the end of it.
+std::string Api::log() const {
+  std::string text;
+  for (const char* name : {kLogBefore, kLogName}) {
+    std::ifstream in(settings_.page->folder / name);
+    text.append(std::istreambuf_iterator<char>(in), {});
+  }
+  return text;
+}
+
+Answer Api::everything() {
+  std::vector<TarPart> parts = {{.name = "diagnostics.json", .text = diagnostics().dump(2) + "\n"},
+                                {.name = "log.txt", .text = log()}};
+  if (const Answer exported = export_all(); exported.status == 200) {
+    parts.push_back({.name = "export.json", .text = exported.body});
+  }
+  for (const json& picture : bad_pictures_.list(steady_now_ns())) {
+    const int id = picture["id"].get<int>();
+    parts.push_back({.name = "picture-" + std::to_string(id) + ".jpg", .text = bad_pictures_.jpeg(id)});
+  }
+  return {.type = "application/x-tar", .file_name = "finsight-diagnostics.tar", .more = tar_of(std::move(parts))};
+}
+
+Intake Api::begin_update(const Request& request, std::uint64_t bytes) {
+  if (request.method != "POST") return {Refusal{405, "An update is sent with POST."}};
+  if (request.content_type != "application/octet-stream") {
+    return {Refusal{415, "Expected a body of type application/octet-stream."}};
+  }
+  if (auto refusal = sessions_.check_token(request, steady_now_ns())) return {std::move(refusal)};
+  return updates_.begin(bytes);
 }
 
 Answer Api::post(const Request& request) {
+  // Its body has been taken already, and its token was checked before: begin_update().
+  if (request.path == HttpServer::kUploadPath) return json_answer({{"done", true}});
   if (!request.content_type.starts_with("application/json")) {
     return refused({415, "Expected a body of type application/json."});
   }

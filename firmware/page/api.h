@@ -6,11 +6,13 @@
 #include <span>
 #include <string>
 
+#include "firmware/page/bad_pictures.h"
 #include "firmware/page/device.h"
 #include "firmware/page/http_server.h"
 #include "firmware/page/recordings.h"
 #include "firmware/page/request_guard.h"
 #include "firmware/page/setup.h"
+#include "firmware/page/updates.h"
 
 namespace finsight::page {
 
@@ -23,9 +25,11 @@ std::span<const Asset> assets();  ///< made by embed.py
 
 class Api {
  public:
-  Api(const Settings& settings, Device& device, Setup& setup, std::span<const Asset> assets);
+  Api(const Settings& settings, Device& device, Setup& setup, BadPictures& bad_pictures, std::span<const Asset> assets);
   /// Any request whatever; never throws.
   Answer handle(const Request& request);
+  /// Where the bytes of an update go.
+  Intake begin_update(const Request& request, std::uint64_t bytes);
 
  private:
   Answer get(const Request& request);
@@ -37,12 +41,16 @@ class Api {
   Answer shape();
   Answer export_all();
   Answer import_all(const nlohmann::json& file);
-  Answer diagnostics();
+  nlohmann::json diagnostics();
+  Answer everything();
+  std::string log() const;
 
   const Settings& settings_;
   Device& device_;
   Setup& setup_;
+  BadPictures& bad_pictures_;
   Sessions sessions_;
+  Updates updates_;
   const std::span<const Asset> assets_;
   const Recordings recordings_;
   const std::string table_;  ///< the register table as JSON

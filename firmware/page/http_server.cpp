@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
+#include <limits>
 #include <list>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -30,6 +31,8 @@ struct Link {
 struct Incoming {
   Request request;
   bool is_too_long = false;
+  std::function<bool(std::string_view)> take = nullptr;  ///< instead of the request's body
+  std::uint64_t left = 0;                                ///< of what take() awaits
 };
 
 std::string field(MHD_Connection* connection, const char* name) {
@@ -81,6 +84,7 @@ struct HttpServer::Impl {
 
   const PageSettings& settings;
   const std::function<Answer(const Request&)> handle;
+  const std::function<Intake(const Request&, std::uint64_t)> begin_upload;
   MHD_Daemon* daemon = nullptr;
   std::mutex mutex;  ///< over what follows
   std::list<Link> links;
@@ -89,8 +93,9 @@ struct HttpServer::Impl {
   std::array<std::uint64_t, kEventKinds> numbers{};
   bool is_stopping = false;
 
-  Impl(const PageSettings& page, std::function<Answer(const Request&)> handler)
-      : settings(page), handle(std::move(handler)) {
+  Impl(const PageSettings& page, std::function<Answer(const Request&)> handler,
+       std::function<Intake(const Request&, std::uint64_t)> uploads)
+      : settings(page), handle(std::move(handler)), begin_upload(std::move(uploads)) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<std::uint16_t>(settings.port));
@@ -106,6 +111,15 @@ struct HttpServer::Impl {
       const int error = errno ? errno : EADDRINUSE;
       throw std::system_error(error, std::generic_category(),
                               "page: cannot listen on " + settings.address + ":" + std::to_string(settings.port));
+    }
+    if (settings.local_link_only) stay_on_the_link();
+  }
+  /// What leaves with this time to live goes as far as the first router.
+  void stay_on_the_link() {
+    const auto* info = MHD_get_daemon_info(daemon, MHD_DAEMON_INFO_LISTEN_FD);
+    const int hops = 1;  // connections inherit it
+    if (!info || setsockopt(info->listen_fd, IPPROTO_IP, IP_TTL, &hops, sizeof hops) != 0) {
+      throw std::system_error(errno, std::generic_category(), "page.local_link_only");
     }
   }
   ~Impl() {
@@ -159,10 +173,17 @@ struct HttpServer::Impl {
       if (const auto refusal = check_request(incoming->request, server.settings)) {
         return server.answer(connection, refused(*refusal));
       }
-      if (is_longer_than_allowed(field(connection, MHD_HTTP_HEADER_CONTENT_LENGTH))) {
-        return server.answer(connection, refused({413, "The body is too long."}));
-      }
+      const auto length = length_in(field(connection, MHD_HTTP_HEADER_CONTENT_LENGTH));
+      if (incoming->request.path == kUploadPath) return server.begin_body(connection, *incoming, length);
+      if (length.value_or(0) > kLongestBody) return server.answer(connection, refused({413, "The body is too long."}));
       return MHD_YES;
+    }
+    if (*upload_bytes > 0 && incoming->take) {
+      const std::string_view piece(upload, *upload_bytes);
+      *upload_bytes = 0;
+      server.note_progress(connection, true);
+      incoming->left -= std::min<std::uint64_t>(incoming->left, piece.size());
+      return incoming->take(piece) ? MHD_YES : MHD_NO;
     }
     if (*upload_bytes > 0) {
       std::string& body = incoming->request.body;
@@ -172,7 +193,17 @@ struct HttpServer::Impl {
       *upload_bytes = 0;
       return give_up ? MHD_NO : MHD_YES;  // MHD_NO closes the connection
     }
+    if (incoming->left > 0) return server.answer(connection, refused({400, "The file is not complete."}));
     return server.answer(connection, server.handle(incoming->request));
+  }
+
+  MHD_Result begin_body(MHD_Connection* connection, Incoming& incoming, std::optional<std::uint64_t> bytes) {
+    if (!bytes) return answer(connection, refused({411, "The length of the file must be given."}));
+    Intake intake = begin_upload(incoming.request, *bytes);
+    if (intake.refusal) return answer(connection, refused(*intake.refusal));
+    incoming.take = std::move(intake.take);
+    incoming.left = *bytes;
+    return MHD_YES;
   }
 
   static Request begin(MHD_Connection* connection, const char* url, const char* method) {
@@ -188,11 +219,13 @@ struct HttpServer::Impl {
             .client = client_of(info ? info->client_addr : nullptr)};
   }
 
-  static bool is_longer_than_allowed(const std::string& length) {
-    if (length.empty()) return false;
+  /// Nothing: no length is given. What is no number counts as endless.
+  static std::optional<std::uint64_t> length_in(const std::string& field) {
+    if (field.empty()) return std::nullopt;
     std::uint64_t bytes = 0;
-    const auto [end, error] = std::from_chars(length.data(), length.data() + length.size(), bytes);
-    return error != std::errc() || end != length.data() + length.size() || bytes > kLongestBody;
+    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), bytes);
+    const bool is_number = error == std::errc() && end == field.data() + field.size();
+    return is_number ? bytes : std::numeric_limits<std::uint64_t>::max();
   }
 
   MHD_Result answer(MHD_Connection* connection, Answer answer) {
@@ -271,8 +304,9 @@ struct HttpServer::Impl {
   }
 };
 
-HttpServer::HttpServer(const PageSettings& settings, std::function<Answer(const Request&)> handle)
-    : impl_(std::make_unique<Impl>(settings, std::move(handle))) {}
+HttpServer::HttpServer(const PageSettings& settings, std::function<Answer(const Request&)> handle,
+                       std::function<Intake(const Request&, std::uint64_t)> begin_upload)
+    : impl_(std::make_unique<Impl>(settings, std::move(handle), std::move(begin_upload))) {}
 HttpServer::~HttpServer() = default;
 
 void HttpServer::send_event(int kind, const std::string& name, const std::string& data) {

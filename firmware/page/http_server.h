@@ -8,6 +8,7 @@
 #include <string>
 
 #include "firmware/page/request_guard.h"
+#include "firmware/page/updates.h"
 #include "firmware/settings/settings.h"
 
 namespace finsight::page {
@@ -37,10 +38,13 @@ class HttpServer {
   static constexpr std::int64_t kRequestTime_ns = 20 * kNsPerS;
   static constexpr std::size_t kConnectionMemory = 24 * 1024;  ///< bounds the header, too
   static constexpr std::size_t kLongestBody = 256 * 1024;
+  static constexpr const char* kUploadPath = "/api/update/file";
 
   /// Listens; throws std::system_error naming address and port. `handle` is called from one thread, with requests that
-  /// check_request() let through.
-  HttpServer(const PageSettings& settings, std::function<Answer(const Request&)> handle);
+  /// check_request() let through. `begin_upload` says where the body of a POST to kUploadPath goes, which may be long;
+  /// `handle` is called when all of it was taken.
+  HttpServer(const PageSettings& settings, std::function<Answer(const Request&)> handle,
+             std::function<Intake(const Request&, std::uint64_t bytes)> begin_upload);
   ~HttpServer();
 
   /// To every stream that has taken what was sent before; others get the newest once they have. Kind 0 and 1 are kept

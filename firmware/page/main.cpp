@@ -1,6 +1,12 @@
 // finsight-page: what finsightd sees and measures, in a browser. Reads what finsightd publishes in memory, and changes
 // things only as a Modbus client does.
+#include <arpa/inet.h>
+#include <net/if.h>
+#include <sys/ioctl.h>
+#include <sys/socket.h>
+
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -8,8 +14,10 @@
 #include <cstring>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "firmware/input_error.h"
+#include "firmware/modbus/descriptor.h"
 #include "firmware/page/api.h"
 #include "firmware/page/device.h"
 #include "firmware/page/http_server.h"
@@ -68,20 +76,62 @@ Settings settings_of(const Arguments& arguments) {
   return settings;
 }
 
+/// The addresses by which this machine may be reached, for the console.
+std::vector<std::string> own_addresses() {
+  std::array<ifreq, 16> interfaces{};
+  ifconf list{};
+  list.ifc_len = static_cast<int>(sizeof interfaces);
+  list.ifc_req = interfaces.data();
+  const Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  std::vector<std::string> addresses;
+  if (ioctl(socket.get(), SIOCGIFCONF, &list) != 0) return addresses;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(list.ifc_len) / sizeof(ifreq); ++i) {
+    sockaddr_in address{};
+    std::memcpy(&address, &interfaces[i].ifr_addr, sizeof address);
+    char text[INET_ADDRSTRLEN] = "";
+    inet_ntop(AF_INET, &address.sin_addr, text, sizeof text);
+    if (std::strncmp(text, "127.", 4) != 0) addresses.emplace_back(text);
+  }
+  return addresses;
+}
+
+/// Says where the page is, and again when that has changed.
+class Signpost {
+ public:
+  explicit Signpost(const PageSettings& page) : page_(page) { look(); }
+  void look() {
+    const bool is_any = page_.address == "0.0.0.0";
+    std::vector<std::string> found = is_any ? own_addresses() : std::vector{page_.address};
+    if (found.empty()) found = {page_.address};
+    if (found == said_) return;
+    said_ = found;
+    for (const std::string& address : said_) log_line("http://" + address + ":" + std::to_string(page_.port) + "/");
+  }
+
+ private:
+  const PageSettings& page_;
+  std::vector<std::string> said_;
+};
+
 void serve(const Settings& settings) {
   page::Device device(settings);
   page::Setup setup(settings, device);
-  page::Api api(settings, device, setup, page::assets());
-  page::HttpServer server(*settings.page, [&](const page::Request& request) { return api.handle(request); });
-  log_line("http://" + settings.page->address + ":" + std::to_string(settings.page->port) + "/");
+  page::BadPictures bad_pictures;
+  page::Api api(settings, device, setup, bad_pictures, page::assets());
+  page::HttpServer server(
+      *settings.page, [&](const page::Request& request) { return api.handle(request); },
+      [&](const page::Request& request, std::uint64_t bytes) { return api.begin_update(request, bytes); });
+  Signpost signpost(*settings.page);
   std::int64_t registers_ns = 0, closed_ns = 0;
   while (!stop_requested) {
     std::this_thread::sleep_for(kEvery);
     const std::int64_t now_ns = steady_now_ns();
     if (now_ns - closed_ns >= kCloseEvery_ns) {
       server.close_slow(now_ns);
+      signpost.look();
       closed_ns = now_ns;
     }
+    bad_pictures.look(device, now_ns);
     if (server.streams() == 0) continue;
     if (const std::string event = device.new_frame_event(); !event.empty()) server.send_event(0, "frame", event);
     if (now_ns - registers_ns < kRegistersEvery_ns) continue;

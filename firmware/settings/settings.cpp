@@ -209,23 +209,25 @@ PageSettings read_page(TomlTable table) {
     throw InputError(table.where("address"), "page.address", "\"" + page.address + "\"", "an IPv4 address");
   }
   page.port = static_cast<int>(table.integer("port", 1, 65535, page.port));
+  page.local_link_only = table.flag("local_link_only", false);
   page.allow = read_networks(table, "allow", "page");
   page.allow_writes = read_networks(table, "allow_writes", "page");
   if (table.has("names")) page.names = table.texts("names");
   if (table.has("folder")) page.folder = table.path("folder");
   if (table.has("measured")) page.measured = table.path("measured");
+  if (table.has("updates")) page.updates = table.path("updates");
   table.finish();
   return page;
 }
 
 /// What was measured on the page, where there is such a file.
 void use_measured(const std::filesystem::path& folder, Settings& settings) {
-  if (const auto mount = folder / kMeasuredMount; std::filesystem::exists(mount)) {
+  if (const auto mount = folder / kMeasuredMount; std::filesystem::is_regular_file(mount)) {
     settings.mount = read_measured_mount(TomlTable::parse_file(mount));
     settings.measured_files.push_back(mount);
   }
   const auto lens = folder / kMeasuredLens;
-  if (!std::filesystem::exists(lens)) return;
+  if (!std::filesystem::is_regular_file(lens)) return;
   settings.measured_lens = lens;
   settings.measured_files.push_back(lens);
   const LiveCameraSettings& live = settings.camera;

@@ -31,12 +31,16 @@ struct NetworkSettings {
 struct PageSettings {
   std::string address = "127.0.0.1";  ///< IPv4 address to listen on; "0.0.0.0" for all
   int port = 80;
+  bool local_link_only = false;                         ///< answers do not pass a router
   std::vector<Network> allow = {};                      ///< who may look; empty: everybody
   std::vector<Network> allow_writes = {};               ///< who of them may write with the key; empty: all
   std::vector<std::string> names = {};                  ///< that browsers may call the device by, besides its addresses
   std::filesystem::path folder = "/run/finsight-page";  ///< of the published block
   std::filesystem::path measured = {};                  ///< where the page stores lens and mount; empty: nowhere
+  std::filesystem::path updates = {};                   ///< where it puts updates down; empty: there are none
 };
+/// In PageSettings::folder: what finsightd has said last, and before that.
+inline constexpr const char *kLogName = "log", *kLogBefore = "log.1";
 /// In PageSettings::measured. They replace those of the board file or session.
 inline constexpr const char *kMeasuredLens = "lens.toml", *kMeasuredMount = "mount.toml";
 /// Settings and zero that were imported: at its next start finsightd saves them as its own and removes the file.

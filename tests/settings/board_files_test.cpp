@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <set>
 
 #include "firmware/input_error.h"
@@ -76,6 +77,24 @@ TEST_CASE("board files: every board file can be read, and so can the alternative
     boards.insert(entry.path().filename());
   }
   for (const char* board : {"replay", "qemu-virt", "rpi4", "generic-uefi-arm64"}) CHECK(boards.contains(board));
+}
+
+TEST_CASE("board files: with what scripts/image adds, every board of the image has its page on the local link") {
+  const fs::path boards = fs::path(FINSIGHT_SOURCE_DIR) / "boards";
+  for (const char* board : {"qemu-virt", "rpi4", "generic-uefi-arm64"}) {
+    CAPTURE(board);
+    std::string text;
+    for (const fs::path& file :
+         {boards / board / "board.toml", boards / "image/realtime.toml", boards / "image/page.toml"}) {
+      std::ifstream in(file);
+      text.append(std::istreambuf_iterator<char>(in), {});
+    }
+    const Settings settings = read(text);
+    REQUIRE(settings.page);
+    CHECK(settings.page->local_link_only);
+    CHECK(settings.page->updates == "/data/updates");
+    CHECK(settings.realtime.cpu == 1);
+  }
 }
 
 TEST_CASE("board files: the comments of the replay board are a board file of their own") {

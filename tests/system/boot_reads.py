@@ -147,7 +147,7 @@ def check_threads(board, priority=20, processor=1):
 
 @step
 def is_closed_and_confined(bench):
-    """No log-in, no port but Modbus, read-only system, own user, real time, locked memory, a low exposure."""
+    """No log-in, no port but the page's and Modbus', read-only system, own user, real time, locked memory, a low exposure."""
     board = bench.running()
     _, security = board.shell("cd /usr/lib/systemd/system; for unit in finsight*.service; do "
                               "systemd-analyze security ${unit/@./@x.} --no-pager | tail -n 1; done")
@@ -158,7 +158,7 @@ def is_closed_and_confined(bench):
     open_units = {name: value for name, value in scores.items() if value > 2.0}
     check(not open_units, f"systemd-analyze security says {open_units}")
     _, tcp = board.shell("tail -n +2 /proc/net/tcp /proc/net/tcp6 2>/dev/null | awk '$4 == \"0A\" { print $2 }'")
-    check(tcp.split() == ["00000000:01F6"], f"listening TCP sockets: {tcp}")
+    check(sorted(tcp.split()) == ["00000000:0050", "00000000:01F6"], f"listening TCP sockets (page, Modbus): {tcp}")
     _, udp = board.shell("tail -qn +2 /proc/net/udp /proc/net/raw | awk '{ print $2 }'")
     check(all(line.endswith(":0044") for line in udp.split()), f"UDP and raw sockets beside the DHCP client's: {udp}")
     _, users = board.shell("ps -eo user,comm 2>/dev/null || for p in /proc/[0-9]*; do stat -c %U $p; cat $p/comm; done")

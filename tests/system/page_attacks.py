@@ -10,14 +10,17 @@ import os
 import random
 import signal
 import socket
+import statistics
 import subprocess
 import tarfile
+import tempfile
+import threading
 import time
 import unittest
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from end_to_end import WORK, prepare  # and scripts/lib is in the path from here on
+from end_to_end import BINARIES, SOURCE, WORK, prepare  # and scripts/lib is in the path from here on
 from page_device import KEY, Device, render
 from register_block import Reader
 
@@ -63,16 +66,21 @@ class Interface(unittest.TestCase):
             answer = http.client.HTTPResponse(stream)
             answer.begin()
             self.assertEqual(answer.headers["Content-Type"], "text/event-stream")
-            numbers, blocks = [], []
-            while len(numbers) < 20 or len(blocks) < 3:
+            numbers, blocks, exposures = [], [], []
+            while len(numbers) < 60 or len(blocks) < 3:
                 line = answer.readline()
                 if line == b"event: frame\n":
-                    numbers.append(json.loads(answer.readline().removeprefix(b"data: "))["n"])
+                    frame = json.loads(answer.readline().removeprefix(b"data: "))
+                    numbers.append(frame["n"])
+                    exposures.append(frame["t_ms"])
                 elif line == b"event: registers\n":
                     blocks.append(json.loads(answer.readline().removeprefix(b"data: ")))
         self.assertEqual(numbers, sorted(set(numbers)))
         self.assertEqual([len(block["measurements"]) for block in blocks], [81] * len(blocks))
         self.assertEqual({block["error"] for block in blocks}, {""})
+        # By the device's own clock, and a median, as a busy machine may pause: 10 to 20 events a second.
+        apart_ms = statistics.median(b - a for a, b in zip(exposures, exposures[1:]))
+        self.assertTrue(50 <= apart_ms <= 100, apart_ms)
 
     def test_metrics_are_prometheus_text(self):
         _, headers, body = self.device.request("GET", "/metrics")
@@ -126,6 +134,113 @@ class Interface(unittest.TestCase):
         self.assertEqual(self.device.post("/api/lens/remove", {"id": lens["views"][0]["id"]}, self.device.unlock())[0], 200)
         self.assertEqual(self.device.wait(settled, "removal")["views"], [])
         self.assertIn(b"<svg", self.device.request("GET", "/api/lens/board.svg")[2][:200])
+
+
+class LiveLens(unittest.TestCase):
+    def test_the_board_in_front_of_the_camera_gives_its_lens_and_the_former_one_can_be_brought_back(self):
+        folder = WORK / "board"
+        subprocess.run([BINARIES / "tests" / "board_session", folder], check=True)
+        with Device(folder) as device:
+            def lens_in_use():
+                return device.get("/api/about")[1].get("lens", {}).get("fx", 0)  # none while it restarts
+
+            def result():
+                lens = device.get("/api/lens")[1]
+                if lens["is_busy"]:
+                    return None
+                if len([view for view in lens["views"] if not view["rejected"]]) >= 12 and "result" in lens:
+                    return lens["result"]
+                device.post("/api/lens/capture", {"only_still": True}, device.unlock())
+                return None
+            self.assertEqual(lens_in_use(), 457)
+            found = device.wait(result, "lens", 240)
+            self.assertAlmostEqual(found["lens"][0], 490.7, delta=5)
+            self.assertLess(found["rms_px"], 0.2)
+            self.assertEqual(device.post("/api/lens/use", {}, device.unlock())[0], 200)
+            device.wait(lambda: abs(lens_in_use() - 490.7) < 5, "restart with the lens")
+            self.assertEqual(device.post("/api/lens/restore", {}, device.unlock())[0], 200)
+            device.wait(lambda: lens_in_use() == 457, "restart with the former lens")
+            self.assertEqual(device.post("/api/lens/restore", {}, device.unlock())[0], 200)
+            device.wait(lambda: abs(lens_in_use() - 490.7) < 5, "restart with the measured lens again")
+
+
+class Updates(unittest.TestCase):
+    """A file that is put down by the page and judged by the image's own scripts."""
+
+    def setUp(self):
+        self.spool = tempfile.TemporaryDirectory()
+        self.addCleanup(self.spool.cleanup)
+        self.updates = Path(self.spool.name)
+        (self.updates / "spool").mkdir()
+        self.device = Device(REST, f'updates = "{self.updates}"').__enter__()
+        self.addCleanup(self.device.__exit__)
+
+    def send(self, content, token, length=None, kind="application/octet-stream"):
+        status, _, answer = self.device.request("POST", "/api/update/file", content, {
+            "Content-Type": kind, "X-Finsight-Token": token, **({"Content-Length": str(length)} if length else {})})
+        return status, json.loads(answer)
+
+    def test_an_unsigned_file_arrives_whole_is_refused_by_the_updater_and_the_page_says_why(self):
+        content = os.urandom(3_000_001)
+        self.assertEqual(self.device.get("/api/update")[1]["state"], "none")
+        self.assertEqual(self.send(content, self.device.unlock()), (200, {"done": True}))
+        whole = self.updates / "spool" / "upload.update"
+        self.assertEqual(whole.read_bytes(), content)
+        self.assertEqual(self.device.get("/api/update")[1]["state"], "installing")
+        self.assertEqual(self.send(content, self.device.unlock())[0], 409)
+        state = self.updates / "state"
+        state.mkdir()
+        (state / "up").touch()
+        image = SOURCE / "boards" / "image" / "rootfs" / "usr"
+        environment = {**os.environ, "FINSIGHT_LIB": str(image / "lib" / "finsight"), "FINSIGHT_STATE": str(state),
+                       "FINSIGHT_UPDATE": str(image / "sbin" / "finsight-update")}
+        installed = subprocess.run(["sh", image / "lib" / "finsight" / "read-upload", self.updates], env=environment, capture_output=True,
+                                   text=True, timeout=60)
+        self.assertEqual(installed.returncode, 2, installed.stderr)
+        whole.unlink()  # as the unit does afterwards, whatever came of it
+        outcome = self.device.get("/api/update")[1]
+        self.assertEqual(outcome["state"], "refused")
+        self.assertIn("not a Finsight update", outcome["text"])
+
+    def test_what_may_not_or_cannot_be_sent_is_refused_and_leaves_nothing(self):
+        token = self.device.unlock()
+        self.assertEqual(self.send(b"x" * 100, "0" * 32)[0], 401)
+        self.assertEqual(self.send(b"x" * 100, token, kind="application/json")[0], 415)
+        before = self.device.memory_kb()
+        with self.device.raw() as connection:
+            head = ("POST /api/update/file HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/octet-stream\r\n"
+                    f"X-Finsight-Token: {token}\r\n")
+            connection.sendall(f"{head}Content-Length: {1 << 40}\r\n\r\nx".encode())
+            self.assertIn(b" 413 ", connection.recv(4096))
+        with self.device.raw() as connection:
+            connection.sendall(f"{head}Content-Length: 50000000\r\n\r\n".encode() + b"x" * 20_000_000)
+            self.device.wait(lambda: self.device.get("/api/update")[1]["state"] == "receiving", "file that is being received")
+        self.device.wait(lambda: self.device.get("/api/update")[1]["state"] == "none", "end of it")
+        self.assertEqual(list((self.updates / "spool").iterdir()), [])
+        self.assertLess(self.device.memory_kb(), before + 20_000)
+
+    def test_a_workstation_says_that_it_has_no_updates(self):
+        with Device(REST) as device:
+            self.assertEqual(device.get("/api/update")[1]["available"], False)
+            status, _, answer = device.request("POST", "/api/update/file", b"x", {
+                "Content-Type": "application/octet-stream", "X-Finsight-Token": device.unlock()})
+            self.assertEqual(status, 409, answer)
+
+
+class Diagnostics(unittest.TestCase):
+    def test_one_file_holds_state_log_export_and_the_last_bad_pictures(self):
+        with Device(WORK / "covered") as device:
+            listed = device.wait(lambda: device.get("/api/pictures")[1], "bad picture", 60)
+            self.assertNotEqual(listed[0]["hidden"], [])
+            self.assertIn("passed its self-test", device.request("GET", "/api/log")[2].decode())
+            status, _, body = device.request("GET", "/api/diagnostics.tar")
+            self.assertEqual(status, 200)
+            with tarfile.open(fileobj=io.BytesIO(body)) as tar:
+                names = tar.getnames()
+                self.assertLessEqual({"diagnostics.json", "log.txt", "export.json"}, set(names))
+                picture = next(name for name in names if name.endswith(".jpg"))
+                self.assertEqual(tar.extractfile(picture).read()[:3], b"\xff\xd8\xff")
+                self.assertEqual(json.load(tar.extractfile("diagnostics.json"))["finsight_diagnostics"], 1)
 
 
 class Moving(unittest.TestCase):
@@ -314,6 +429,49 @@ class Misuse(unittest.TestCase):
         self.device.start_page()
         self.device.wait(lambda: self.device.get("/api/about")[0] == 200, "page after its restart")
 
+    @unittest.skipIf(os.cpu_count() < 2, "the loop has no processor of its own here")
+    def test_the_loop_is_as_quick_while_the_page_is_flooded_and_killed_as_without(self):
+        with Device(REST, "[realtime]\ncpu = 1") as device:
+            os.sched_setaffinity(device.page.pid, {0})  # as on the image
+            reader = Reader(device.port)
+            device.wait(lambda: reader.read().has("ready"), "measurement")
+            stop, threads = threading.Event(), []
+
+            def flood():
+                os.sched_setaffinity(0, {0})
+                while not stop.is_set():
+                    try:
+                        device.request("GET", "/frame.jpg", timeout=2)
+                        device.post("/api/unlock", {"key": 7})
+                    except (OSError, http.client.HTTPException, ValueError):
+                        pass
+
+            def median_latency():
+                values, until = [], time.monotonic() + 1
+                while time.monotonic() < until:
+                    values.append(reader.read().at("latency"))
+                    time.sleep(0.005)
+                return statistics.median(values)
+            alone, flooded = [], []
+            for turn in range(6):
+                alone.append(median_latency())
+                stop.clear()
+                threads = [threading.Thread(target=flood, daemon=True) for _ in range(6)]
+                for thread in threads:
+                    thread.start()
+                if turn == 3:
+                    device.page.kill()
+                    device.page.wait(10)
+                    device.page.stderr.close()
+                flooded.append(median_latency())
+                stop.set()
+                for thread in threads:
+                    thread.join(10)
+                if turn == 3:
+                    device.start_page()
+            self.assertLess(statistics.median(flooded), 2 * statistics.median(alone), (alone, flooded))
+            reader.close()
+
     def test_the_page_says_so_when_the_measuring_program_is_gone_and_finds_it_again(self):
         self.device.firmware.send_signal(signal.SIGKILL)
         self.device.firmware.wait(10)
@@ -328,4 +486,5 @@ class Misuse(unittest.TestCase):
 if __name__ == "__main__":
     prepare()
     render(REST, "--motion", "rest", "--seconds", "3")
+    render(WORK / "covered", "--event", "covered", "--seconds", "15")
     unittest.main(verbosity=2)

@@ -44,7 +44,26 @@ export async function post(path, body) {
     return send(path, body);
   }
 }
-/** The same, told in a toast; true if it was done. */
+/** Sends a file, which may be long. `progress` is called with the share that is sent. */
+export async function upload(path, file, progress) {
+  if (!token || unlockedFor() === 0) await askForKey();
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();  // fetch() tells nothing of what is sent
+    request.open("POST", path);
+    request.setRequestHeader("Content-Type", "application/octet-stream");
+    request.setRequestHeader("X-Finsight-Token", token);
+    request.upload.onprogress = (event) => progress(event.loaded / event.total);
+    request.onerror = () => reject(new Error(text.updates.broken));
+    request.onload = () => {
+      let answer = null;
+      try { answer = JSON.parse(request.responseText); } catch { /* told by its status */ }
+      if (request.status === 200) resolve(answer);
+      else reject(new Error(answer?.error || `The device answered ${request.status}.`));
+    };
+    request.send(file);
+  });
+}
+/** post(), told in a toast; true if it was done. */
 export async function change(path, body, done) {
   try {
     await post(path, body);

@@ -1,5 +1,5 @@
 // What went wrong, and how the device is doing.
-import {device, order} from "./device.js";
+import {device, get, order} from "./device.js";
 import {words} from "./decode.js";
 import {text} from "./text.js";
 import {card, h, setText} from "./dom.js";
@@ -13,7 +13,7 @@ function facts(names, shownOf) {
 
 export function diagnosticsPage() {
   const t = text.diagnostics, r = device.registers, why = new WhyList();
-  const faults = h("tbody"), times = h("tbody"), log = h("div");
+  const faults = h("tbody"), times = h("tbody"), log = h("div"), own = h("div"), pictures = h("div", {class: "pictures"});
   const identity = facts(t.names, (key) => {
     if (key === "source") return device.about?.source ?? "–";
     if (key === "mount") return device.about ? (device.about.mount_is_measured ? t.mount_measured : t.mount_nominal) : "–";
@@ -44,16 +44,40 @@ export function diagnosticsPage() {
     }
     if (logKey !== String(device.log.length) + device.log[0]?.at) {
       logKey = String(device.log.length) + device.log[0]?.at;
-      log.replaceChildren(device.log.length ? h("pre", {tabIndex: 0}, device.log.map((l) => `${l.at.toLocaleTimeString()}  ${l.line}`).join("\n")) : h("span", {class: "soft"}, t.log_none));
+      own.replaceChildren(device.log.length ? h("pre", {tabIndex: 0}, device.log.map((l) => `${l.at.toLocaleTimeString()}  ${l.line}`).join("\n")) : h("span", {class: "soft"}, t.log_none));
     }
   }
   const heads = (...names) => h("thead", {}, h("tr", {}, names.map((n, i) => h("th", {scope: "col", class: i ? "number" : ""}, n))));
   const element = h("div", {}, h("h1", {}, t.title), why.element, h("div", {class: "two"},
     h("div", {}, card(t.faults, h("button", {onclick: () => order("clear")}, t.clear), h("table", {}, heads(t.code, t.began, t.lasted), faults)),
       card(t.times, null, h("table", {}, heads(t.stage, t.p50, t.p99, t.worst), times))),
-    h("div", {}, card(t.identity, [h("a", {class: "button", href: "/api/diagnostics", download: "finsight-diagnostics.json"}, t.download),
+    h("div", {}, card(t.identity, [h("a", {class: "button", href: "/api/diagnostics.tar", download: "finsight-diagnostics.tar"}, t.download),
       h("button", {onclick: () => { if (confirm(t.restart_ask)) order("reset"); }}, t.restart)], h("div", {class: "body"}, identity.element)),
-      card(t.log, null, h("div", {class: "body"}, log), h("footer", {}, t.log_note)))));
+      card(t.page_log, null, h("div", {class: "body"}, own)))),
+    card(t.pictures, null, h("div", {class: "body"}, pictures)), card(t.log, null, h("div", {class: "body"}, log), h("footer", {}, t.log_note)));
+  // What the device keeps; looked at now and then.
+  let stopped = false, shown = "", said = null;
+  async function look() {
+    const list = await get("/api/pictures"), ids = JSON.stringify(list.map((p) => p.id));
+    if (ids !== shown || said === null) {
+      shown = ids;
+      pictures.replaceChildren(...(list.length ? list.map((p) => {
+        const caption = t.picture_of(p.fault === "none" ? "" : (text.why.faults[p.fault] || [words(p.fault)])[0], p.hidden, text.seconds(p.ago_s));
+        return h("figure", {}, h("img", {src: `/api/pictures/${p.id}.jpg`, alt: caption}), h("figcaption", {}, caption));
+      }) : [h("span", {class: "soft"}, t.no_pictures)]));
+    }
+    const lines = await (await fetch("/api/log")).text();
+    if (lines === said) return;
+    said = lines;
+    log.replaceChildren(lines ? h("pre", {tabIndex: 0}, lines.trimEnd().split("\n").slice(-100).reverse().join("\n")) : h("span", {class: "soft"}, t.log_none));
+  }
+  async function watch() {
+    while (!stopped) {
+      if (!document.hidden) await look().catch(() => {});
+      await new Promise((r) => setTimeout(r, 3000));
+    }
+  }
   update("first");
-  return {element, update};
+  watch();
+  return {element, update, leave() { stopped = true; }};
 }

@@ -126,9 +126,11 @@ export const text = {
             connections: "Modbus connections", requests: "Modbus requests", wrong_keys: "Wrong keys", source: "Source of pictures",
             mount: "Mount"},
     mount_measured: "measured", mount_nominal: "nominal (not measured)",
-    log: "What happened since this page was opened", log_none: "Nothing yet.", download: "Download everything", restart: "Restart the program",
+    log: "Log of the measuring program", log_none: "Nothing yet.", download: "Download everything", restart: "Restart the program",
+    page_log: "What happened since this page was opened", pictures: "Last bad pictures", no_pictures: "No picture was bad since the page's program started.",
+    picture_of: (fault, hidden, ago) => [fault, hidden.length ? `${hidden.join(", ")} not seen` : "", `${ago} ago`].filter(Boolean).join(" · "),
     restart_ask: "Restart the measuring program? Modbus clients are disconnected for a moment.", clear: "Clear fault",
-    log_note: "The device's own log is on its console.",
+    log_note: "Times are the device's, UTC.",
   },
 
   setup: {
@@ -174,10 +176,21 @@ export const text = {
   },
 
   updates: {
-    title: "Updates", now: "Installed", how: "Install a signed update",
+    title: "Updates", now: "Installed", over_network: "Send a signed update", how: "Or with a USB stick",
+    network: "Choose the file finsight-BOARD-VERSION.update. The device checks signature, board and content, writes the slot that is not running, reads it back and restarts. Measuring goes on until then.",
+    room: (room) => `Room for ${room}.`, choose: "Update file", choose_first: "Choose a file first.", send: "Send and install", sending: "Sending",
+    sent: (percent) => `${percent} % sent`, all_sent: "Sent. The device checks it now.", broken: "The connection broke; nothing was installed.",
+    none: "There are no updates here: this is a workstation, or the board file has no page.updates.",
+    states: {
+      receiving: () => ["A file is being received", ""],
+      installing: () => ["The update is being checked and written", "This takes some minutes. Do not switch the device off; if it goes off, it starts with the version that runs now."],
+      restarting: (to) => [`Version ${to} is installed`, "The device restarts with it now. This page connects again by itself."],
+      running: (to) => [`The update to ${to} is running`, "If it does not measure within five minutes of its start, the device goes back by itself."],
+      went_back: (to, now) => [`The update to ${to} did not work here`, `The device has gone back to ${now} by itself. Save the diagnostics before you try again.`],
+      refused: () => ["The update was not installed", "Nothing has changed. The reason:"],
+    },
     text: ["Copy the file finsight-BOARD-VERSION.update onto a USB stick (FAT) and plug it into the running device.",
-           "The device checks signature, board and content, writes the slot that is not running, reads it back and restarts.",
-           "The outcome is then on the stick: finsight-update.txt. A version that does not work is abandoned by itself."],
-    note: "An update over the network is not part of this release.",
+           "The device does the same with it, and writes the outcome to the stick: finsight-update.txt.",
+           "A version that does not work is abandoned by itself."],
   },
 };
