@@ -1,5 +1,5 @@
 // board_session FOLDER: writes a session in which a camera of a known lens is shown the calibration board in fifteen
-// positions, one second each; its own session.toml names another lens. For page_attacks.py.
+// positions, three seconds each; its own session.toml names another lens. For page_attacks.py.
 #include <cstdio>
 #include <filesystem>
 #include <string>
@@ -12,7 +12,7 @@ using namespace finsight;
 
 namespace {
 
-constexpr int kFramesPerSecond = 30;
+constexpr int kFramesPerSecond = 10, kSecondsPerView = 3;
 
 void write_session(const std::filesystem::path& folder) {
   const Lens camera = test::calibrated_camera();
@@ -23,7 +23,7 @@ void write_session(const std::filesystem::path& folder) {
   std::uint64_t seed = 0;
   for (const Eigen::Isometry3d& view : test::good_views(camera)) {
     GreyImage image = painter.paint(view, ++seed);
-    for (int frame = 0; frame < kFramesPerSecond; ++frame) {
+    for (int frame = 0; frame < kFramesPerSecond * kSecondsPerView; ++frame) {
       // A camera that gives the same bytes again counts as frozen.
       for (std::size_t i = 0; i < image.grey.size(); i += 97) {
         image.grey[i] = static_cast<std::uint8_t>(image.grey[i] ^ (random.uniform() < 0.5));

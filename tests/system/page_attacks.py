@@ -148,7 +148,7 @@ class LiveLens(unittest.TestCase):
                 lens = device.get("/api/lens")[1]
                 if lens["is_busy"]:
                     return None
-                if len([view for view in lens["views"] if not view["rejected"]]) >= 12 and "result" in lens:
+                if len([view for view in lens["views"] if not view["rejected"]]) >= 10 and "result" in lens:
                     return lens["result"]
                 device.post("/api/lens/capture", {"only_still": True}, device.unlock())
                 return None
