@@ -8,6 +8,7 @@
 #include "firmware/page/json_body.h"
 #include "firmware/settings/settings.h"
 #include "tests/model/scratch_folder.h"
+#include "tests/random.h"
 
 using namespace finsight;
 using namespace finsight::page;
@@ -121,6 +122,36 @@ TEST_CASE("import: whatever is wrong in a file is named") {
   moved.replace(moved.find("0.5000"), 6, "50.500");
   far["mount"] = moved;
   CHECK(refusal(far).find("another finger") != std::string::npos);
+}
+
+TEST_CASE("import: whatever became of a file, it is refused with a reason or is a device's that could be") {
+  const std::string text = exported().dump();
+  test::Random random(5);
+  int refused = 0, taken = 0;
+  for (int trial = 0; trial < 4000; ++trial) {
+    std::string broken = text;
+    for (int change = 0; change < 1 + trial % 3; ++change) {
+      const auto at = static_cast<std::size_t>(random.uniform() * static_cast<double>(broken.size()));
+      const char byte = "0123456789-+.e[]{}\",:\\n x"[static_cast<std::size_t>(random.uniform() * 25)];
+      if (trial % 2) {
+        broken[at] = byte;
+      } else {
+        broken.insert(at, 1, byte);
+      }
+    }
+    const json file = json_body(broken);
+    if (file.is_discarded()) continue;
+    Import import;
+    const std::string reason = refusal(file, &import);
+    if (reason.empty()) {
+      CHECK(import.state.find("version = ") != std::string::npos);
+      ++taken;
+    } else {
+      ++refused;
+    }
+  }
+  CHECK(refused > 100);
+  CHECK(taken > 10);
 }
 
 TEST_CASE("import: all of it is stored, and what was there stays as the former") {
