@@ -49,10 +49,10 @@ const RegisterImage& FrameLoop::process(Observation seen, StageClock clock) {
   const PlatePoses& poses = hold_.poses(seen.poses, seen.exposure_ns, state_.settings);
   const PoseVector motion = pose_vector(poses);
   clock.lap(times_.poses);
-  const FingerShape shape = hold_.shape(shape_.solve(poses, motion));
-  clock.lap(times_.shape);
   const Touch& touch = hold_.touch(locate(seen, poses, motion));
   clock.lap(times_.touch);
+  const FingerShape shape = hold_.shape(shape_.solve(poses, motion, !touch.unexplained));
+  clock.lap(times_.shape);
   judge(seen, shape, touch);
   process_.update(seen, poses, shape, touch, state_.limits, state_.settings);
   const RegisterImage& registers = publish(seen, poses, shape, touch);

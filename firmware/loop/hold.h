@@ -9,7 +9,7 @@
 
 namespace finsight {
 
-/// Called in the order of the data path, once per frame each: poses(), shape(), touch().
+/// Called in the order of the data path, once per frame each: poses(), touch(), shape().
 class Hold {
  public:
   /// What the other stages work on: the poses as measured if they are fresh; else the last fresh ones, held, and

@@ -55,7 +55,7 @@ struct Settings {
   std::optional<GpioSettings> gpio;
   std::filesystem::path measured_lens;  ///< to be used instead of the source's lens; empty: none
   std::optional<MeasuredMount> mount;   ///< of this device; the model's if it was not measured
-  LoopSettings loop;                    ///< its runtime settings are the factory settings
+  LoopSettings loop{.shape = {.tier = ShapeSettings::Tier::kBest}, .runtime = {}};                    ///< its runtime settings are the factory settings
   ModbusSettings modbus;
   std::uint16_t write_key = kDefaultWriteKey;
   std::filesystem::path saved_state;  ///< what clients save; empty: nothing can be saved

@@ -10,12 +10,12 @@ class ContactTier final : public ShapeTier {
   explicit ContactTier(const ShapeParts& parts)
       : state_(parts.shape, parts.mount), contact_map_(parts.contact_map, parts.shape), map_(parts.map, parts.shape) {}
 
-  /// The shape map answers where the plates are further than the contact map's training had them, or where its shape
-  /// has an inverted tetrahedron or more strain than any touch causes.
-  void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) override {
+  /// The shape map answers where the plates are moved otherwise or further than the contact map's training had them, or
+  /// where its shape has an inverted tetrahedron or more strain than any touch causes.
+  void solve(const PlateMotions& plates, const PoseVector& motion, bool is_explained, FingerShape& shape) override {
     const RigidPlates& rigid_plates = state_.rigid_plates();
-    if (contact_map_.covers(motion) && state_.start_from(contact_map_.evaluate(plates, motion, rigid_plates), plates) &&
-        !state_.is_overstrained()) {
+    if (is_explained && contact_map_.covers(motion) &&
+        state_.start_from(contact_map_.evaluate(plates, motion, rigid_plates), plates) && !state_.is_overstrained()) {
       shape.source = ShapeSource::kContactMap;
       return;
     }

@@ -37,7 +37,7 @@ class MapTier final : public ShapeTier {
  public:
   explicit MapTier(const ShapeParts& parts) : state_(parts.shape, parts.mount), map_(parts.map, parts.shape) {}
 
-  void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) override {
+  void solve(const PlateMotions& plates, const PoseVector& motion, bool, FingerShape& shape) override {
     answer_by_map(map_.evaluate(plates, motion, state_.rigid_plates()), plates, state_, shape);
   }
   std::span<const float> node_mm() const override { return state_.node_mm(); }

@@ -11,7 +11,7 @@ class MeasuresTier final : public ShapeTier {
  public:
   explicit MeasuresTier(const ShapeParts& parts) : map_(parts.map, parts.shape), measures_(parts.map, parts.shape) {}
 
-  void solve(const PlateMotions&, const PoseVector& motion, FingerShape& shape) override {
+  void solve(const PlateMotions&, const PoseVector& motion, bool, FingerShape& shape) override {
     const ShapeMeasures measures = measures_.measure(map_.coefficients(motion));
     shape.source = ShapeSource::kMap;
     shape.rms_mm = measures.rms_mm;

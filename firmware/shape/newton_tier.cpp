@@ -21,7 +21,7 @@ NewtonTier::NewtonTier(const ShapeParts& parts, const ShapeSettings& settings)
       map_(parts.map, parts.shape),
       kept_mm_(parts.shape.rest_mm.size()) {}
 
-void NewtonTier::solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) {
+void NewtonTier::solve(const PlateMotions& plates, const PoseVector& motion, bool, FingerShape& shape) {
   map_mm_ = map_.evaluate(plates, motion, solver_.rigid_plates());
 
   // Follow the plates from the last shape; without one, or after a jump, start from the map's.

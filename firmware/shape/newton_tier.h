@@ -18,7 +18,7 @@ class NewtonTier final : public ShapeTier {
   /// after a jump of the plates, after a solve that failed, and where the map's shape costs clearly less energy; tries
   /// a solve from rest after a rough frame, so that a wrong minimum does not last. Falls back to the map's shape,
   /// marked, when the solve fails all the same. At most 2 NewtonSolver::kMaxFactorisations factorisations.
-  void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) override;
+  void solve(const PlateMotions& plates, const PoseVector& motion, bool, FingerShape& shape) override;
   std::span<const float> node_mm() const override { return solver_.node_mm(); }
   void reset() override { last_plates_.reset(); }
 

@@ -11,6 +11,12 @@ namespace finsight {
 
 namespace {
 
+ShapeSettings chosen(const Model& model, ShapeSettings settings) {
+  using Tier = ShapeSettings::Tier;
+  if (settings.tier == Tier::kBest) settings.tier = model.contact_map ? Tier::kContact : Tier::kNewton;
+  return settings;
+}
+
 ShapeParts parts_of(const Model& model, ShapeSettings::Tier tier) {
   if (tier == ShapeSettings::Tier::kContact && !model.contact_map) {
     throw InputError(model.file().path(), "contact map", "none",
@@ -31,13 +37,14 @@ std::unique_ptr<ShapeTier> make_shape_tier(const ShapeParts& parts, const ShapeS
       return std::make_unique<ContactTier>(parts);
     case ShapeSettings::Tier::kMapAndNewton:
     case ShapeSettings::Tier::kNewton:
+    case ShapeSettings::Tier::kBest:  // of parts alone
       break;
   }
   return std::make_unique<NewtonTier>(parts, settings);
 }
 
 ShapeStage::ShapeStage(const Model& model, const ShapeSettings& settings)
-    : ShapeStage(parts_of(model, settings.tier), settings) {}
+    : ShapeStage(parts_of(model, settings.tier), chosen(model, settings)) {}
 
 ShapeStage::ShapeStage(const ShapeParts& parts, const ShapeSettings& settings)
     : rest_mm_(parts.shape.rest_mm),
@@ -47,7 +54,7 @@ ShapeStage::ShapeStage(const ShapeParts& parts, const ShapeSettings& settings)
   shape_.node_mm = tier_->node_mm();
 }
 
-const FingerShape& ShapeStage::solve(const PlatePoses& poses, const PoseVector& motion) {
+const FingerShape& ShapeStage::solve(const PlatePoses& poses, const PoseVector& motion, bool is_explained) {
   shape_.iterations = 0;
   shape_.fallback = false;
   if (poses.quality == Quality::kInvalid) {
@@ -60,7 +67,7 @@ const FingerShape& ShapeStage::solve(const PlatePoses& poses, const PoseVector& 
     shape_.quality = shape_.source == ShapeSource::kRest ? Quality::kInvalid : Quality::kFresh;
     return shape_;
   }
-  tier_->solve(plate_motions(poses), motion, shape_);
+  tier_->solve(plate_motions(poses), motion, is_explained, shape_);
   shape_.quality = Quality::kFresh;
   shape_.node_mm = tier_->node_mm();
   if (!shape_.node_mm.empty()) {

@@ -15,13 +15,14 @@ class ShapeStage {
   /// Throws InputError if the parts do not fit each other.
   ShapeStage(const ShapeParts& parts, const ShapeSettings& settings);
 
-  /// The shape for these plates; `motion` is pose_vector(poses). Never throws, never allocates. The shape is finite and
-  /// has no inverted element, whatever the poses are. `fallback` marks a shape that is not the tier's own: after a
-  /// failed solve that of the map, or if that one has an inverted element, part of the way to it; and a shape that
-  /// strains the finger more than any touch can. Poses that are not finite or absurd keep the last shape, marked too;
-  /// invalid poses keep it and start over with the next valid ones. `quality` is that of this answer alone: invalid
-  /// for invalid poses and before the first shape, else fresh. The result stays valid until the next call.
-  const FingerShape& solve(const PlatePoses& poses, const PoseVector& motion);
+  /// The shape for these plates; `motion` is pose_vector(poses), `is_explained` whether a touch of the pack's scene may
+  /// have moved them so (tier contact learnt from such touches only). Never throws, never allocates. The shape is
+  /// finite and has no inverted element, whatever the poses are. `fallback` marks a shape that is not the tier's own:
+  /// after a failed solve that of the map, or if that one has an inverted element, part of the way to it; and a shape
+  /// that strains the finger more than any touch can. Poses that are not finite or absurd keep the last shape, marked
+  /// too; invalid poses keep it and start over with the next valid ones. `quality` is that of this answer alone:
+  /// invalid for invalid poses and before the first shape, else fresh. The result stays valid until the next call.
+  const FingerShape& solve(const PlatePoses& poses, const PoseVector& motion, bool is_explained = true);
   const FingerShape& solve(const PlatePoses& poses) { return solve(poses, pose_vector(poses)); }
   /// Forgets the last shape: the next solve starts from the shape map.
   void reset() { tier_->reset(); }

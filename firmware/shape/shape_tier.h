@@ -17,8 +17,8 @@ struct ShapeSettings {
   /// kMap: the shape map alone. kContact: the contact map's shape, which has the dimple under the touch; the shape
   /// map's where the plates are further than the contact map's training had them, or its shape is unusable.
   /// kMapAndNewton: Newton steps from the map's shape, every frame by itself. kNewton: Newton steps from the last
-  /// frame's shape; see NewtonTier.
-  enum class Tier { kMeasures, kMap, kContact, kMapAndNewton, kNewton } tier = Tier::kNewton;
+  /// frame's shape; see NewtonTier. kBest: kContact if the pack has a contact map, else kNewton.
+  enum class Tier { kMeasures, kMap, kContact, kMapAndNewton, kNewton, kBest } tier = Tier::kNewton;
   int factorisations = 1;
   int chord_steps = 1;  ///< further steps per factorisation that reuse its factor
 };
@@ -27,7 +27,7 @@ struct ShapeSettings {
 inline constexpr std::pair<const char*, ShapeSettings::Tier> kShapeTiers[] = {
     {"measures", ShapeSettings::Tier::kMeasures}, {"map", ShapeSettings::Tier::kMap},
     {"contact", ShapeSettings::Tier::kContact},   {"map+newton", ShapeSettings::Tier::kMapAndNewton},
-    {"newton", ShapeSettings::Tier::kNewton},
+    {"newton", ShapeSettings::Tier::kNewton},     {"best", ShapeSettings::Tier::kBest},
 };
 
 /// Whether a tier takes Newton steps, so that the schedule of ShapeSettings concerns it.
@@ -47,9 +47,9 @@ class ShapeTier {
  public:
   virtual ~ShapeTier() = default;
 
-  /// The shape for plausible plates; `motion` is the same as numbers. Sets source, iterations and fallback, and the
-  /// measures if it has no nodes. Never throws, never allocates.
-  virtual void solve(const PlateMotions& plates, const PoseVector& motion, FingerShape& shape) = 0;
+  /// The shape for plausible plates; `motion` is the same as numbers, `is_explained` as for ShapeStage::solve(). Sets
+  /// source, iterations and fallback, and the measures if it has no nodes. Never throws, never allocates.
+  virtual void solve(const PlateMotions& plates, const PoseVector& motion, bool is_explained, FingerShape& shape) = 0;
   /// [3 * nodes] of the last shape, at first those at rest; empty in a tier that has no shape, only its measures.
   virtual std::span<const float> node_mm() const = 0;
   /// Forgets the last shape, which says nothing about the next one.

@@ -146,7 +146,14 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
              "inside_twice", "lies", "force_rmse_n", "force_told", "force_inside", "moment_rmse_nm", "moment_inside"},
             out);
   out << "<img src=\"scene_faces.svg\" alt=\"true and published touches over the face, by case\">\n<img "
-         "src=\"scene_reliability.svg\" alt=\"share of errors inside the published radius, by case\">\n<p>What plate "
+         "src=\"scene_reliability.svg\" alt=\"share of errors inside the published radius, by case\">\n<p>The "
+         "published "
+         "deformation against the finite-element shape: mean and 95 % of the relative error, and the same of the "
+         "largest "
+         "displacement.</p>\n";
+  add_table(all["scene"].value("shapes", json()),
+            {"case", "tier", "level_bias", "level_95", "largest_bias_mm", "largest_95_mm", "us"}, out);
+  out << "<p>What plate "
          "motions can tell at best (Fisher information at the spec's noise, contacts that move a plate by 4 mm or "
          "more, "
          "median standard deviation).</p>\n";

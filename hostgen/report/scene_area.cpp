@@ -12,6 +12,7 @@
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/report/scene_cases.h"
+#include "hostgen/report/scene_shapes.h"
 #include "hostgen/util/common.h"
 #include "hostgen/util/gnuplot.h"
 #include "hostgen/util/random.h"
@@ -140,11 +141,17 @@ bool is_firm(const FingerSpec& spec, const CaseState& solved) {
   return static_cast<double>(motion_mm) >= spec.threshold_mm + 0.2;
 }
 
-std::vector<Trial> run_case(const Model& model, const FingerSpec& spec, const SceneCase& scene_case, int places) {
+std::vector<CaseState> firm_states(const FingerSpec& spec, const SceneCase& scene_case, int places) {
+  std::vector<CaseState> states = solve_case(spec, scene_case, places);
+  std::erase_if(states, [&](const CaseState& solved) { return !is_firm(spec, solved); });
+  return states;
+}
+
+std::vector<Trial> run_case(const Model& model, const FingerSpec& spec, const SceneCase& scene_case,
+                            const std::vector<CaseState>& states) {
   std::vector<Trial> trials;
   Random random(99);
-  for (const CaseState& solved : solve_case(spec, scene_case, places)) {
-    if (!is_firm(spec, solved)) continue;
+  for (const CaseState& solved : states) {
     for (int k = 0; k < kRepeats; ++k) {
       Finger finger(model, spec, scene_case, random);
       if (scene_case.marker_mm > 0 || scene_case.gravity != SceneCase::Gravity::kNone) finger.zero(solved.at_zero);
@@ -287,11 +294,12 @@ json floor_json(const FingerSpec& spec, bool quick) {
 
 json measure_scenes(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
   std::vector<CaseResult> results;
-  json rows = json::array();
+  json rows = json::array(), shapes = json::array();
   double worst_cover = 0, worst_lies = 0;
   Progress progress("cases", scene_cases().size());
   for (const SceneCase& scene_case : scene_cases()) {
-    std::vector<Trial> trials = run_case(model, spec, scene_case, quick ? 8 : 40);
+    const std::vector<CaseState> states = firm_states(spec, scene_case, quick ? 8 : 40);
+    std::vector<Trial> trials = run_case(model, spec, scene_case, states);
     const Summary summary(trials);
     json row = summary.figures();
     row["case"] = scene_case.name;
@@ -303,6 +311,12 @@ json measure_scenes(const Model& model, const FingerSpec& spec, const std::files
       worst_cover = std::max(worst_cover, std::abs(summary.curve[9] - 0.68));
     }
     rows.push_back(row);
+    if (scene_case.is_one_pose()) {
+      for (json tier : compare_shapes(model, spec, states)) {
+        tier["case"] = scene_case.name;
+        shapes.push_back(tier);
+      }
+    }
     results.push_back({scene_case, std::move(trials), summary});
     progress.advance();
   }
@@ -311,6 +325,7 @@ json measure_scenes(const Model& model, const FingerSpec& spec, const std::files
   return {{"scene",
            {{"name", model.scene},
             {"cases", rows},
+            {"shapes", shapes},
             {"floor", floor_json(spec, quick)},
             {"worst_coverage_error", worst_cover},
             {"worst_lies", worst_lies}}}};

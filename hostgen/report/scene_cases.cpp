@@ -76,6 +76,12 @@ std::vector<FaceContact> contacts_of(const PushedFinger& finger, const SceneCase
   return {contact};
 }
 
+ShapeMeasures measured(const TetMesh& mesh, const std::vector<double>& displacement_mm) {
+  const std::vector<float> rest_mm(displacement_mm.size());
+  const std::vector<std::int32_t> front(mesh.front_nodes.begin(), mesh.front_nodes.end());
+  return measure_shape<double>(rest_mm, front, displacement_mm);
+}
+
 std::array<PlateMotion, kPlates> hanging(FingerStatics& statics, const FaceContact& somewhere,
                                          const Eigen::Vector3d& felt_g) {
   statics.begin({somewhere}, felt_g);
@@ -155,7 +161,8 @@ FingerSpec spec_of(const FingerSpec& spec, const SceneCase& scene_case) {
 
 std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene_case, int places) {
   const FingerSpec own = spec_of(spec, scene_case);
-  const auto finger = std::make_shared<const PushedFinger>(own, make_mesh(own));
+  const TetMesh mesh = make_mesh(own);
+  const auto finger = std::make_shared<const PushedFinger>(own, mesh);
   const std::vector<Vec3f> at = touch_points(spec, places);
   std::vector<std::vector<CaseState>> found(at.size());
   const bool hangs = scene_case.gravity != Gravity::kNone;
@@ -167,7 +174,7 @@ std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene
     const Eigen::Vector2d place_mm = finger->inside(at[i].head<2>().cast<double>() + away_mm);
     const std::vector<FaceContact> contacts = contacts_of(*finger, scene_case, place_mm, random);
     FingerStatics statics(finger);
-    CaseState solved{.state = {}, .untouched = {}, .at_zero = {}};
+    CaseState solved{.state = {}, .shape = {}, .untouched = {}, .at_zero = {}};
     if (hangs) {
       solved.untouched = hanging(statics, contacts.front(), felt_g);
       solved.at_zero = hanging(statics, contacts.front(), zero_g);
@@ -181,6 +188,7 @@ std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene
       solved.state = statics.state();
       solved.state.path = static_cast<std::int32_t>(i);
       if (!solved.state.valid()) break;
+      solved.shape = measured(mesh, statics.node_displacement_mm());
       found[i].push_back(solved);
     }
   });

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/shape/shape_measures.h"
 #include "hostgen/fem/dataset.h"
 
 namespace finsight::host {
@@ -28,8 +29,8 @@ struct SceneCase {
   Motion motion = Motion::kTouch;  ///< what else moves the plates
 
   bool is_contained_in(const std::string& scene) const;
-  /// Whether a point of the face is what a touch should be published at.
-  bool is_on_face() const { return load < Load::kSide; }
+  /// Whether the plates move as the load moves them, and the markers show it.
+  bool is_one_pose() const { return gravity == Gravity::kNone && motion == Motion::kTouch && marker_mm == 0; }
 };
 
 std::vector<SceneCase> scene_cases();
@@ -37,9 +38,10 @@ std::vector<SceneCase> scene_cases();
 /// The finger of a case: its own mesh where its walls differ.
 FingerSpec spec_of(const FingerSpec& spec, const SceneCase& scene_case);
 
-/// A state of a case and how the plates stand in it when nothing touches the finger.
+/// A state of a case, how far it deforms the finger, and how the plates stand when nothing touches it.
 struct CaseState {
   FemState state;
+  ShapeMeasures shape;
   std::array<PlateMotion, kPlates> untouched, at_zero;
 };
 /// States at `places` places, two forces each; those that are no equilibrium are left out. On all cores; the same

@@ -151,13 +151,15 @@ TEST_CASE("settings: every choice is known") {
   for (const auto& [name, tier] : {std::pair{"measures", Tier::kMeasures},
                                    {"map", Tier::kMap},
                                    {"contact", Tier::kContact},
-                                   {"newton", Tier::kNewton}}) {
+                                   {"newton", Tier::kNewton},
+                                   {"best", Tier::kBest}}) {
     const Settings settings = read(replaced(kFull, "tier = \"map+newton\"", std::string("tier = \"") + name + "\""));
     CHECK(settings.loop.shape.tier == tier);
   }
   CHECK(read(replaced(kFull, "speed = \"full\"", "speed = \"recorded\"")).replay.recorded_speed);
   CHECK(read(replaced(kFull, "word_order = \"CDAB\"", "word_order = \"ABCD\"")).loop.runtime[kWordOrder] == 0);
   CHECK(read(kMin).source == Settings::Source::kSession);
+  CHECK(read(kMin).loop.shape.tier == Tier::kBest);
   const auto parity = [](const std::string& name) {
     return read(replaced(kFull, "parity = \"odd\"", "parity = \"" + name + "\"")).modbus.serial->parity;
   };

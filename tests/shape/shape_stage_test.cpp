@@ -346,6 +346,16 @@ TEST_CASE("shape stage: beyond the contact map's training, and where its shape i
   CHECK(copy(shape) == copy(map.solve(slope(2))));
 }
 
+TEST_CASE("shape stage: where no touch explains the plates the contact tier answers by the shape map") {
+  ShapeStage contact = stage_of(Tier::kContact), map = stage_of(Tier::kMap);
+  const PlatePoses poses = slope(2);
+  CHECK(contact.solve(poses).source == ShapeSource::kContactMap);
+  const FingerShape& unexplained = contact.solve(poses, pose_vector(poses), false);
+  CHECK(unexplained.source == ShapeSource::kMap);
+  CHECK_FALSE(unexplained.fallback);
+  CHECK(copy(unexplained) == copy(map.solve(poses)));
+}
+
 TEST_CASE("shape stage: the contact tier needs a pack with a contact map, and says so") {
   test::TinyModel tiny;
   tiny.has_contact_map = false;
@@ -355,4 +365,8 @@ TEST_CASE("shape stage: the contact tier needs a pack with a contact map, and sa
                        InputError);
   CHECK_NOTHROW(ShapeStage(without, {.tier = Tier::kMap}));
   CHECK_NOTHROW(ShapeStage(with, {.tier = Tier::kContact}));
+
+  const PlatePoses rest = seen_poses(std::vector<float>(kPoseDims, 0.0F));
+  CHECK(ShapeStage(with, {.tier = Tier::kBest}).solve(rest).source == ShapeSource::kContactMap);
+  CHECK(ShapeStage(without, {.tier = Tier::kBest}).solve(rest).source == ShapeSource::kNewton);
 }
