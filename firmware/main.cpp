@@ -66,13 +66,21 @@ Arguments parse(int argc, char** argv) {
                                                          {"--network", &arguments.network},
                                                          {"--safe-mode", &arguments.safe_mode}};
   for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
+    std::string word = argv[i];
+    std::optional<std::string> value;  // of --name=value
+    if (const auto equals = word.find('='); word.starts_with("--") && equals != std::string::npos) {
+      value = word.substr(equals + 1);
+      word.resize(equals);
+    }
     const auto option = std::find_if(std::begin(valued), std::end(valued), [&](auto& v) { return word == v.first; });
     if (option != std::end(valued)) {
-      const bool has_value = i + 1 < argc && *argv[i + 1] && std::strncmp(argv[i + 1], "--", 2) != 0;
-      if (!has_value) throw InputError(word, "needs a value (try --help)");
+      const bool follows = !value && i + 1 < argc && std::strncmp(argv[i + 1], "--", 2) != 0;
+      if (follows) value = argv[++i];
+      if (!value || value->empty()) throw InputError(word, "needs a value (try --help)");
       if (!option->second->empty()) throw InputError(word, "is given twice");
-      *option->second = argv[++i];
+      *option->second = *value;
+    } else if (value) {
+      throw InputError("\"" + word + "\"", "takes no value, or is unknown (try --help)");
     } else if (word == "--check") {
       arguments.check = true;
     } else if (word == "--safe-outputs") {
@@ -121,7 +129,8 @@ void take_imported(const Settings& settings, const ZeroBasis& basis) {
 }
 
 /// The work itself. Opens everything in an order in which every thread starts before the loop becomes real-time.
-int measure(const Arguments& arguments, const Settings& settings) {
+/// `reset`: the command that it was started again by, and again is to be.
+int measure(const Arguments& arguments, const Settings& settings, std::optional<GivenCommand>& reset) {
   const Model model = Model::open(settings.pack);
   check_self_test(model);
   log_message("model " + model.finger_name + " (" + std::to_string(model.shape.tets) + " tets) passed its self-test");
@@ -158,6 +167,7 @@ int measure(const Arguments& arguments, const Settings& settings) {
   Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved.state,
                     kNsPerMs * timeout_ms);
   control.identify(identity_of(settings, &model));
+  if (reset) control.remember(*reset);
   control.expect_gravity(kNsPerMs * settings.gravity_max_age_ms);
   const Thermometer thermometer(control);
   Health health(control);
@@ -180,6 +190,7 @@ int measure(const Arguments& arguments, const Settings& settings) {
                counts.broken, counts.losses);
   if (commands.reset_is_ordered() && !stop_requested) {
     log_message("a client ordered a reset");
+    reset = control.last_finished();
     return kStartAgain;
   }
   if (!status.ended() || status.error().empty()) return kDone;
@@ -193,7 +204,7 @@ FaultCode fault_after(const std::string& exit_code) {
   return exit_code == std::to_string(kSelfTestFailed) ? FaultCode::kSelfTest : FaultCode::kFailedRepeatedly;
 }
 
-int start(const Arguments& arguments) {
+int start(const Arguments& arguments, std::optional<GivenCommand>& reset) {
   const SettingsFiles files(arguments.settings, arguments.user);
   if (!arguments.check && !arguments.safe_outputs && arguments.network.empty()) {
     if (const auto page = read_usable_settings(files).page) keep_log(page->folder);
@@ -210,7 +221,7 @@ int start(const Arguments& arguments) {
     const DigitalOutputs safe(read_usable_settings(files).gpio);  // takes the lines at their safe levels
     return 0;
   }
-  return measure(arguments, read_settings(files));
+  return measure(arguments, read_settings(files), reset);
 }
 
 }  // namespace
@@ -226,8 +237,9 @@ int main(int argc, char** argv) {
   try {
     const Arguments arguments = parse(argc, argv);
     const SchedulingSnapshot before;
+    std::optional<GivenCommand> reset;
     for (;;) {
-      const int code = start(arguments);
+      const int code = start(arguments, reset);
       if (code != kStartAgain) return code;
       before.restore();
     }

@@ -24,9 +24,8 @@ CommandHistory::Number CommandHistory::judge(std::uint16_t sequence, std::uint16
       continue;
     }
     const bool is_same = given.command == command && given.client == access.address && !has_given_another;
-    const bool is_reconnected = given.closed_before != 0 && access.connection >= given.closed_before;
-    const bool may_repeat = given.connection == access.connection || is_reconnected;
-    return is_same && may_repeat && now_ns - given.given_ns < kRepeat_ns ? Number::kRepeated : Number::kUsed;
+    const bool may_repeat = given.connection == access.connection && now_ns - given.given_ns < kRepeat_ns;
+    return is_same && may_repeat ? Number::kRepeated : Number::kUsed;
   }
   return Number::kNew;
 }
@@ -35,19 +34,13 @@ void CommandHistory::begin(std::uint16_t sequence, std::uint16_t command, const 
                            std::int64_t now_ns) {
   assert(!is_running());
   commands_[given_++ % kRemembered] = {
-      sequence, command, kRunning, access.address, access.connection, 0, now_ns,
+      sequence, command, kRunning, access.address, access.connection, now_ns,
   };
 }
 
 void CommandHistory::finish(std::uint16_t result) {
   assert(is_running());
   commands_[(given_ - 1) % kRemembered].result = result;
-}
-
-void CommandHistory::connection_closed(std::uint64_t connection, std::uint64_t next_connection) {
-  for (GivenCommand& given : commands_) {
-    if (given.client != kNobody && given.connection == connection) given.closed_before = next_connection;
-  }
 }
 
 const GivenCommand& CommandHistory::last_finished() const {

@@ -27,7 +27,6 @@ struct GivenCommand {
   std::uint16_t result = 0;  ///< kRunning until it has ended
   std::uint32_t client = kNobody;
   std::uint64_t connection = 0;
-  std::uint64_t closed_before = 0;  ///< the first connection opened after `connection` was closed; 0: it is open
   std::int64_t given_ns = 0;
 };
 
@@ -36,20 +35,21 @@ class CommandHistory {
  public:
   static constexpr std::uint16_t kRunning = value_named("history_1_result", "running");
   static constexpr std::size_t kRemembered = 1024;  ///< a number older than that is new again
-  /// How long a client may repeat a command whose answer it has lost.
+  /// How long a client may repeat a command that was not answered.
   static constexpr std::int64_t kRepeat_ns = 10'000'000'000;
 
   enum class Number { kNew, kRepeated, kUsed };
   /// A number is repeated if it is that of the client's newest command, the command is the same, no older than
-  /// kRepeat_ns, and was given over the same connection or over one that was closed before this one was opened. In any
-  /// other case a number that was given is used: whoever is answered must know that the command ran for them.
+  /// kRepeat_ns, and was given over the same connection. In any other case a number that was given is used: whoever is
+  /// answered must know that the command ran for them, and programs of one address look alike over new connections.
   Number judge(std::uint16_t sequence, std::uint16_t command, const ClientAccess& access, std::int64_t now_ns) const;
 
   /// The newest command must have ended.
   void begin(std::uint16_t sequence, std::uint16_t command, const ClientAccess& access, std::int64_t now_ns);
   void finish(std::uint16_t result);
   bool is_running() const { return given_ > 0 && newest(0).result == kRunning; }
-  void connection_closed(std::uint64_t connection, std::uint64_t next_connection);
+  /// Of a device that starts again because of it: a command that was carried out before.
+  void remember(const GivenCommand& given) { commands_[given_++ % kRemembered] = given; }
 
   const GivenCommand& last_given() const { return given_ > 0 ? newest(0) : kNone; }
   const GivenCommand& last_finished() const;

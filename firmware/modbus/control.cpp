@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 
 namespace finsight {
 
@@ -197,9 +198,17 @@ RuntimeSettings Control::settings_copy() {
   return settings_;
 }
 
-void Control::connection_closed(std::uint64_t connection, std::uint64_t next) {
+GivenCommand Control::last_finished() {
   const std::lock_guard lock(mutex_);
-  history_.connection_closed(connection, next);
+  settle();
+  return history_.last_finished();
+}
+
+void Control::remember(GivenCommand given) {
+  constexpr std::uint64_t kClosed = std::numeric_limits<std::uint64_t>::max();
+  given.connection = kClosed;
+  const std::lock_guard lock(mutex_);
+  history_.remember(given);
 }
 
 void Control::count_answer(Exception answer) {

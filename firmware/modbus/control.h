@@ -65,8 +65,6 @@ class Control {
   /// Writes all or nothing; checks in this order: address, lock, busy, values.
   Exception write(int first, std::span<const std::uint16_t> words, const ClientAccess& access, std::int64_t now_ns);
   RuntimeSettings settings_copy();
-  /// Of a connection over which something was written; `next` will be the next one opened.
-  void connection_closed(std::uint64_t connection, std::uint64_t next);
   void count_answer(Exception answer);  ///< kNone: no exception
   enum class Arrival { kAccepted, kReplacing, kRefused };
   void count_connection(Arrival arrival);
@@ -103,6 +101,9 @@ class Control {
 
   void show_processor_temperature(float degc) { processor_temperature_degc_ = degc; }
   void identify(const DeviceIdentity& identity);
+  GivenCommand last_finished();
+  /// A reset that was ordered before: its client, who may not have seen the result, must not order it once more.
+  void remember(GivenCommand reset);
 
  private:
   Exception write_key(std::uint16_t key, const ClientAccess& access, std::int64_t now_ns);

@@ -29,8 +29,6 @@ inline DeviceView view_now(TripleBuffer<RegisterImage>& latest, Control& control
   return view;
 }
 
-constexpr bool is_write(std::uint8_t function) { return function == 6 || function == 16 || function == 23; }
-
 /// Carries out functions 3, 4, 6, 16 and 23 and identification (43/14). Other functions and invalid requests get the
 /// exception that the Modbus Application Protocol V1.1b3 names. Returns the length of the response, 2 or more.
 /// `request` has 1 to 253 bytes of any content.

@@ -197,9 +197,6 @@ struct ModbusServer::Impl {
 
   void close(std::size_t place) {
     TcpClient& client = clients[place];
-    if (std::exchange(has_written[place], false)) {
-      control.connection_closed(client.access().connection, next_connection);
-    }
     if (client.has_unsent()) client.abort();  // what it has not taken is lost
     client = TcpClient();
     places[place].is_open = false;
@@ -233,7 +230,6 @@ struct ModbusServer::Impl {
     std::array<std::uint8_t, TcpClient::kMaxFrame> reply;
     const std::size_t length = answer_request(request.subspan(kHeader), view_now(latest, control), client.access(),
                                               std::span<std::uint8_t, kMaxPdu>(&reply[kHeader], kMaxPdu));
-    if (is_write(request[kHeader])) has_written[place] = true;
     std::copy_n(request.begin(), kHeader, reply.begin());
     reply[4] = static_cast<std::uint8_t>((length + 1) >> 8);
     reply[5] = static_cast<std::uint8_t>(length + 1);
@@ -248,7 +244,7 @@ struct ModbusServer::Impl {
   Descriptor wake;
   ClientPlaces places;
   std::vector<TcpClient> clients;
-  std::array<bool, ModbusSettings::kMostClients> is_due{}, has_written{};
+  std::array<bool, ModbusSettings::kMostClients> is_due{};
   std::vector<pollfd> polled;
   std::uint64_t next_connection = 1;
   std::int64_t accept_after_ns = 0;

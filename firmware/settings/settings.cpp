@@ -108,7 +108,7 @@ GpioSettings read_gpio(TomlTable table) {
 void read_shape(TomlTable table, ShapeSettings& shape) {
   std::vector<std::string> names;
   for (const auto& [name, tier] : kShapeTiers) names.emplace_back(name);
-  const std::string chosen = table.choice("tier", names, "newton");
+  const std::string chosen = table.choice("tier", names, "best");
   for (const auto& [name, tier] : kShapeTiers) {
     if (chosen == name) shape.tier = tier;
   }

@@ -25,7 +25,7 @@ constexpr Advice kAdvice[] = {
      "by itself, with the next image", "check the cable; the device looks for the camera all the time"},
     {value_named("fault", "markers_lost"), "no marker is seen: covered, dirty, light off, finger missing",
      kHeldThenInvalid, "by itself, when a marker is seen",
-     "light on (1020)? Clean the finger's inside; look with the page"},
+     "light on (1020)? Clean the finger's inside; look at the picture on the device's page"},
     {value_named("fault", "solver_failed"), "the shape could not be solved in this frame",
      "from the shape map, marked as held", "by itself, mostly with the next frame",
      "if it lasts, the finger is bent beyond its range or damaged"},
@@ -50,9 +50,9 @@ constexpr Advice kAdvice[] = {
      "by itself", "clean and fasten the lens"},
     {value_named("fault", "camera_moved"), "camera or finger were knocked in their holder",
      "touch and force not valid; the shape is wrong", "by itself, when they stand as before",
-     "fasten them, correct the mount (`hostgen mount`), then command 1 (zero) and 2 (save)"},
+     "fasten them, correct the mount (set-up on the device's page, or `hostgen mount`), then command 1 (zero) and 2 (save)"},
     {value_named("fault", "master_lost"), "the master has not written register 1006 in time (setting 1022)", "go on",
-     "by itself, when 1006 is written", "see \"The other way round\" above"},
+     "by itself, when 1006 is written", "let the PLC write 1006 again; on exception 4 the key first"},
 };
 static_assert([] {
   for (const NamedValue& fault : row_named("fault").values) {

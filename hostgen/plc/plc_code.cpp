@@ -189,7 +189,7 @@ std::string alive_check(const Dialect& dialect) {
   const std::string heartbeat = word(dialect, address_of("heartbeat")), age = word(dialect, address_of("age"));
   const std::string fault = word(dialect, address_of("fault"));
   return "  " + local("quiet(IN := ") + heartbeat + " = " + local("last_heartbeat") +
-         ", PT := " + local("poll_period") + " + " + local("poll_period") + " + " + local("poll_period") + ");\n  " +
+         ", PT := " + local("poll_period") + " + " + local("poll_period") + " + T#200ms);\n  " +
          local("last_heartbeat") + " := " + heartbeat + ";\n  " + alive(dialect) + " := NOT " + local("quiet.Q") +
          " AND " + has_test_constant(dialect) + " AND (WORD_TO_UINT(" + age + ") <= " + local("max_age") +
          ") AND (WORD_TO_UINT(" + fault + ") <> " + std::to_string(value_named("fault", "stalled")) + ");\n";
@@ -198,7 +198,7 @@ std::string alive_check(const Dialect& dialect) {
 constexpr const char* kAliveInputs[][3] = {
     {"low_word_first : BOOL;", "", "as register 1019: TRUE for CDAB"},
     {"poll_period : TIME := T#100ms;", "",
-     "how often the words are read; without a new heartbeat for three times as long, not alive"},
+     "how often the words are read; without a new heartbeat for twice as long and 200 ms, not alive"},
     {"max_age : UINT := 3000;", "", "0.1 ms; results that were older than this when they were read are not used"},
 };
 
@@ -223,9 +223,14 @@ constexpr Variable kCommandInputs[] = {
     {"own_result : UINT;", "register 1203, as read"},
     {"link_ready : BOOL;", "they have been read since the connection was opened"},
     {"write_exception : UINT;", "code of the exception that the write got, for one call; 0: none"},
-    {"first_number : UINT := 1;", "give every client of the device numbers of its own, 2000 or more ..."},
+    {"first_number : UINT := 1;", "give every PLC or other client of the device numbers of its own, 2000 or more ..."},
     {"last_number : UINT := 65535;", "... then none is refused because it was used"},
     {"time_limit : TIME := T#10s;", "for all of it"},
+};
+constexpr Variable kCommandShared[] = {
+    {"number : UINT;", "the newest number of this PLC: one variable, the same for all command blocks of the device"},
+    {"in_turn : BOOL;",
+     "TRUE while one of them is busy and the others wait: one variable for all of them, too; not retentive"},
 };
 constexpr Variable kCommandOutputs[] = {
     {"request : $REQUEST;", "write it to registers 1000 and 1001 in one request ..."},
@@ -254,13 +259,16 @@ constexpr const char* kCommandBody = R"(  IF #execute AND NOT #before AND NOT #b
     #given := #command;
     #chosen := FALSE;
     #busy := TRUE; #done := FALSE; #error := FALSE; #error_code := 0;
+    #timer(IN := FALSE, PT := #time_limit);
   END_IF;
   #before := #execute;
-  #is_new := #busy AND #link_ready AND (NOT #chosen OR #write_exception = 3);
+  #is_new := #busy AND #link_ready AND ((NOT #chosen AND NOT #in_turn) OR (#chosen AND #write_exception = 3));
   IF #is_new THEN
-    IF #sequence = 0 THEN #sequence := #own_sequence; END_IF;
-    IF #sequence < #first_number OR #sequence >= #last_number THEN #sequence := #first_number;
-    ELSE #sequence := #sequence + 1; END_IF;
+    IF #number = 0 THEN #number := #own_sequence; END_IF;
+    IF #number < #first_number OR #number >= #last_number THEN #number := #first_number;
+    ELSE #number := #number + 1; END_IF;
+    #sequence := #number;
+    #in_turn := TRUE;
     #request[0] := UINT_TO_WORD(#given);
     #request[1] := UINT_TO_WORD(#sequence);
     #chosen := TRUE;
@@ -275,6 +283,7 @@ constexpr const char* kCommandBody = R"(  IF #execute AND NOT #before AND NOT #b
   ELSIF #busy AND #timer.Q THEN
     #busy := FALSE; #error := TRUE; #error_code := 65535;
   END_IF;
+  IF #chosen AND NOT #busy THEN #chosen := FALSE; #in_turn := FALSE; END_IF;
   #write_request := #busy AND #chosen AND #link_ready AND NOT #taken;
 )";
 
@@ -293,10 +302,12 @@ std::string command_block(const RegisterTable& table) {
   return R"(
 (* Carries out one command. Read registers 1200 to 1203 all the time and give the last three to the block; while
    write_request is TRUE, write `request` to registers 1000 and 1001 in one request (function 16), again and again if it
-   is refused as busy. Before it, write the device's key to register 1004. Other clients' commands do no harm. *)
+   is refused as busy. Before it, write the device's key to register 1004. Other clients' commands do no harm. Several
+   blocks in one PLC take turns: call all of them in every cycle. *)
 FUNCTION_BLOCK FB_FinsightCommand
 VAR_INPUT
 )" + variables(st, kCommandInputs, "FinsightRequest", commands) +
+         "END_VAR\nVAR_IN_OUT\n" + variables(st, kCommandShared, "FinsightRequest", commands) +
          "END_VAR\nVAR_OUTPUT\n" + variables(st, kCommandOutputs, "FinsightRequest", commands) + R"(END_VAR
 VAR
   before : BOOL;
@@ -321,6 +332,7 @@ FUNCTION_BLOCK "Finsight_Command"
 VERSION : 0.1
 VAR_INPUT
 )" + variables(kScl, kCommandInputs, "Array[0..1] of Word", commands) +
+         "END_VAR\nVAR_IN_OUT\n" + variables(kScl, kCommandShared, "Array[0..1] of Word", commands) +
          "END_VAR\nVAR_OUTPUT\n" + variables(kScl, kCommandOutputs, "Array[0..1] of Word", commands) + R"(END_VAR
 VAR
   before : Bool;
@@ -386,7 +398,8 @@ BEGIN
   #finger(low_word_first := FALSE, words := "Finsight".words, values := "Finsight".values);
   #order(execute := #execute, command := #command, own_sequence := WORD_TO_UINT("Finsight".own[1]),
          own_command := WORD_TO_UINT("Finsight".own[2]), own_result := WORD_TO_UINT("Finsight".own[3]),
-         link_ready := #has_read, write_exception := #refused);
+         link_ready := #has_read, write_exception := #refused, number := "Finsight".number,
+         in_turn := "Finsight".in_turn);
   "Finsight".request := #order.request;
   #alive := "Finsight".values.alive;
   #done := #order.done;
@@ -408,8 +421,8 @@ std::string structured_text(const RegisterTable& table) {
       << kDecodeReal
       << "\n(* Call it after every read, or in every cycle. It may be called as slowly as you like: alive becomes "
          "FALSE at the\n"
-         "   first call after three poll_periods without a new heartbeat, and at once when the device says that it "
-         "stands.\n"
+         "   first call after two poll_periods and 200 ms without a new heartbeat, and at once when the device says "
+         "that it is\n   stalled (fault 8).\n"
          "   While alive is FALSE no value is valid, no bit is TRUE except any_fault, and all values are 0 or old. *)\n"
       << "FUNCTION_BLOCK FB_Finsight\nVAR_INPUT\n  words : FinsightWords;\n"
       << alive_inputs(st) << "END_VAR\nVAR_OUTPUT\n"
@@ -443,6 +456,8 @@ std::string siemens_scl(const RegisterTable& table) {
        << "\n    own : Array[0..3] of Word;  // registers 1200 to 1203\n"
           "    request : Array[0..1] of Word;  // for registers 1000 and 1001\n"
           "    key : Array[0..0] of Word;  // for register 1004\n"
+          "    number : UInt;  // of the newest command\n"
+          "    in_turn : Bool;  // while a command block is busy\n"
           "    connection : TCON_IP_v4;\n"
           "    values : \"Finsight_Values\";\n  END_STRUCT;\nBEGIN\n"
           "  connection.InterfaceId := 64;  // the processor's own PROFINET port\n"

@@ -32,7 +32,8 @@ std::string parameter(const Tag& tag) {
   std::string text =
       std::string("<Parameter Name=\"") + tag.name + "\" TagType=\"Base\" DataType=\"" + tag.type + "\" ";
   if (tag.usage.starts_with("InOut")) {
-    return text + "Dimensions=\"" + tag.usage.substr(6) + "\" Usage=\"InOut\" Radix=\"" + radix +
+    const std::string size = tag.usage.size() > 6 ? std::string("Dimensions=\"") + tag.usage.substr(6) + "\" " : "";
+    return text + size + "Usage=\"InOut\" Radix=\"" + radix +
            "\" Required=\"true\" Visible=\"true\" Constant=\"false\"><Description>" + cdata(tag.description) +
            "</Description></Parameter>\n";
   }
@@ -70,9 +71,11 @@ std::vector<Tag> parameters(const RegisterTable& table) {
        std::string("as the Modbus client reads registers 0 to ") + std::to_string(kMeasurementRegisters - 1)},
       {"own", "INT", "InOut 4", "as the Modbus client reads registers 1200 to 1203"},
       {"request", "INT", "InOut 2", "for registers 1000 and 1001, in one write, while write_request is set"},
+      {"number", "DINT", "InOut", "the newest number of this PLC: one tag, the same for all instances of the device"},
+      {"in_turn", "BOOL", "InOut", "set while one of them is busy, the others wait: one tag for all of them, too"},
       {"low_word_first", "BOOL", "Input", "as register 1019: 1 for CDAB"},
       {"poll_period", "DINT", "Input",
-       "ms between two reads; without a new heartbeat for three times as long, not alive", "100"},
+       "ms between two reads; without a new heartbeat for twice as long and 200 ms, not alive", "100"},
       {"max_age", "DINT", "Input", "0.1 ms; results that were older than this when they were read are not used",
        "3000"},
       {"execute", "BOOL", "Input", "a rising edge starts the command"},
@@ -169,20 +172,24 @@ std::string assignments(const RegisterTable& table) {
 
 std::string logic(const RegisterTable& table) {
   const std::string heartbeat = word(address_of("heartbeat"));
-  return std::string("// ") + kOrigin + "\nquiet.PRE := 3 * poll_period;\nquiet.TimerEnable := " + heartbeat +
+  return std::string("// ") + kOrigin + "\nquiet.PRE := 2 * poll_period + 200;\nquiet.TimerEnable := " + heartbeat +
          " = last_heartbeat;\nTONR(quiet);\nlast_heartbeat := " + heartbeat + ";\nalive := NOT quiet.DN AND (" +
          word(address_of("test_constant")) + " = 16#1234) AND (" + unsigned_word(address_of("age")) +
          " <= max_age) AND (" + word(address_of("fault")) + " <> " + std::to_string(value_named("fault", "stalled")) +
          ");\n" + assignments(table) +
          R"(IF execute AND NOT before AND NOT busy THEN
   given := command; chosen := 0; busy := 1; done := 0; error := 0; error_code := 0;
+  timer.TimerEnable := 0;
+  TONR(timer);
 END_IF;
 before := execute;
-is_new := busy AND link_ready AND (NOT chosen OR (write_exception = 3));
+is_new := busy AND link_ready AND ((NOT chosen AND NOT in_turn) OR (chosen AND (write_exception = 3)));
 IF is_new THEN
-  IF sequence = 0 THEN sequence := own[1] AND 16#FFFF; END_IF;
-  IF (sequence < first_number) OR (sequence >= last_number) THEN sequence := first_number;
-  ELSE sequence := sequence + 1; END_IF;
+  IF number = 0 THEN number := own[1] AND 16#FFFF; END_IF;
+  IF (number < first_number) OR (number >= last_number) THEN number := first_number;
+  ELSE number := number + 1; END_IF;
+  sequence := number;
+  in_turn := 1;
   request[0] := given;
   IF sequence > 32767 THEN request[1] := sequence - 65536; ELSE request[1] := sequence; END_IF;
   chosen := 1;
@@ -200,6 +207,7 @@ IF taken AND (own[3] <> )" +
 ELSIF busy AND timer.DN THEN
   busy := 0; error := 1; error_code := 65535;
 END_IF;
+IF chosen AND NOT busy THEN chosen := 0; in_turn := 0; END_IF;
 write_request := busy AND chosen AND link_ready AND NOT taken;
 )";
 }

@@ -37,6 +37,13 @@ std::string name_of(const Tag& tag) {
   return tag.bit ? std::string(tag.row.name) + "_" + tag.bit->name : tag.row.name;
 }
 
+/// A tag is written by itself. Command and number, and the three numbers of gravity, are only taken together.
+bool is_written_alone(const RegisterRow& row) {
+  const bool is_order = row.address == address_of("command") || row.address == address_of("command_sequence");
+  const bool is_gravity = row.address >= kGravityRegister && row.address < kGravityRegister + kGravityRegisters;
+  return row.writable && !is_order && !is_gravity;
+}
+
 /// Calls `each` for every tag, without reserved registers.
 void for_each_tag(const RegisterTable& table, const std::function<void(const Tag&)>& each) {
   for (const std::span<const RegisterRow> block : table.blocks()) {
@@ -52,6 +59,9 @@ void for_each_tag(const RegisterTable& table, const std::function<void(const Tag
 
 std::string description_of(const Tag& tag) {
   const RegisterRow& row = tag.row;
+  if (row.writable && !is_written_alone(row)) {
+    return full_description(row) + "; read only here: the device takes it only in one write with its neighbours";
+  }
   if (tag.bit) return label_of(*tag.bit) + (*tag.bit->note ? std::string(", ") + tag.bit->note : std::string());
   if (tag.is_raw) return std::string(row.name) + " without scaling; " + invalid_value(row) + ": " + row.invalid_means;
   if (!tag.is_scaled() || !row.may_be_invalid()) return full_description(row);
@@ -100,7 +110,7 @@ std::string kepware_csv(const RegisterTable& table) {
   for_each_tag(table, [&](const Tag& tag) {
     const RegisterRow& row = tag.row;
     text += quoted(name_of(tag)) + "," + quoted(kepware_address(tag)) + "," +
-            (tag.bit ? "Boolean" : kepware_type(row)) + ",1," + (row.writable ? "R/W" : "RO") + ",100,";
+            (tag.bit ? "Boolean" : kepware_type(row)) + ",1," + (is_written_alone(row) ? "R/W" : "RO") + ",100,";
     text += tag.is_scaled() ? std::string("Linear,") + std::to_string(kLowestRaw) + "," + std::to_string(kHighestRaw) +
                                   "," + scaled(row, kLowestRaw) + "," + scaled(row, kHighestRaw) + ",Double,0,0,"
                             : ",,,,,,,,";
@@ -116,7 +126,7 @@ std::string ignition_csv(const RegisterTable& table) {
   for_each_tag(table, [&](const Tag& tag) {
     const RegisterRow& row = tag.row;
     text += "Finsight/," + name_of(tag) + "," + std::to_string(ignition_type(tag)) + ",true,0," +
-            (row.writable ? "1" : "0") + ",Ignition OPC-UA Server," + quoted(ignition_item(tag)) + ",";
+            (is_written_alone(row) ? "1" : "0") + ",Ignition OPC-UA Server," + quoted(ignition_item(tag)) + ",";
     text += tag.is_scaled() ? std::string("1,") + std::to_string(kLowestRaw) + "," + std::to_string(kHighestRaw) + "," +
                                   scaled(row, kLowestRaw) + "," + scaled(row, kHighestRaw) + ",0,"
                             : "0,,,,,,";

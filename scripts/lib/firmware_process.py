@@ -2,6 +2,7 @@
 import signal
 import socket
 import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -31,7 +32,9 @@ class Firmware:
     def __enter__(self):
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, error=None, *_):
         self.process.send_signal(signal.SIGTERM)
         self.errors = self.process.communicate(timeout=10)[1]
+        if error:
+            print(self.errors[-2000:], file=sys.stderr)
         self.folder.cleanup()

@@ -64,7 +64,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
       control.finish(static_cast<CommandResult>(bytes[at + 1] & 3));
     }
     // The unit decides whether the client goes and comes back, or another one of its address takes over.
-    if (bytes[at + 6] & 0x40) control.connection_closed(access.connection, access.connection + 1);
     if (bytes[at + 6] & 0x60) ++access.connection;
     at += kHeader - 1 + length;
   }

@@ -50,15 +50,22 @@ TEST_CASE("history: only the newest command of a client is repeated; what came i
   CHECK(history.judge(7, kClear, plc, kSecond) == Number::kRepeated);
 }
 
-TEST_CASE("history: a client that has lost its connection repeats over one opened after that, within ten seconds") {
+TEST_CASE("history: over another connection of its address no number is repeated, and what became of it can be read") {
   CommandHistory history;
   give(history, 5, kZero, client(7, 3));
-  history.connection_closed(3, 6);
-  CHECK(history.judge(5, kZero, client(7, 4), kSecond) == Number::kUsed);  // it was open beside the lost one
-  CHECK(history.judge(5, kZero, client(7, 6), kSecond) == Number::kRepeated);
-  CHECK(history.judge(5, kZero, client(8, 6), kSecond) == Number::kUsed);
-  CHECK(history.judge(5, kClear, client(7, 6), kSecond) == Number::kUsed);
-  CHECK(history.judge(5, kZero, client(7, 6), 10 * kSecond) == Number::kUsed);  // a PLC that has started again
+  CHECK(history.judge(5, kZero, client(7, 4), kSecond) == Number::kUsed);  // perhaps another program of that computer
+  std::array<std::uint16_t, kHistoryRegisters> words;
+  history.write_registers(words, client(7, 4), 0, false);
+  CHECK(std::vector<int>(words.begin(), words.begin() + 4) == std::vector<int>{1, 5, kZero, 0});
+}
+
+TEST_CASE("history: a reset that was ordered before the start is shown as done, and its number is used") {
+  CommandHistory history;
+  history.remember({.sequence = 5, .command = kZero, .result = 0, .client = 7, .connection = 99});
+  CHECK(history.judge(5, kZero, client(7, 1), kSecond) == Number::kUsed);
+  std::array<std::uint16_t, kHistoryRegisters> words;
+  history.write_registers(words, client(7, 1), 0, false);
+  CHECK(std::vector<int>(words.begin(), words.begin() + 4) == std::vector<int>{1, 5, kZero, 0});
 }
 
 TEST_CASE("history: a thousand numbers are remembered") {

@@ -73,8 +73,14 @@ class Scaling(unittest.TestCase):
             lost_ms = now_ms
             while block(words=words, poll_period=poll_ms).alive:  # the link is dead: the words stay
                 machine.now_ms += cycle_ms
-                self.assertLess(machine.now_ms - lost_ms, 3 * poll_ms + 2 * cycle_ms + 1)
+                self.assertLess(machine.now_ms - lost_ms, 3 * poll_ms + 200 + 2 * cycle_ms + 1)
             self.assert_nothing_is_valid(block)
+
+    def test_alive_does_not_flicker_at_fast_polls_of_a_device_that_waits_for_its_camera(self):
+        block = self.machine.block("FB_Finsight")
+        for now_ms in range(0, 3000, 20):
+            self.machine.now_ms = now_ms
+            self.assertTrue(block(words=block_of_words(heartbeat=now_ms // 100), poll_period=20).alive, now_ms)
 
     def test_the_array_has_a_named_type(self):
         self.assertEqual(self.machine.blocks["FB_Finsight"]["variables"]["words"], "FinsightWords")
@@ -91,8 +97,9 @@ class Device:
         """The exception's code, 0 for none."""
         if number == 0:
             return 3
-        if number in self.used:
-            return 0 if self.used[number] == (client, command) else 3
+        if number in self.used:  # repeated over the same connection, or used
+            newest = self.own.get(client, (0, 0, 0))
+            return 0 if self.used[number] == (client, command) and newest[:2] == (number, command) else 3
         if any(result == 4 for _, _, result in self.own.values()):
             return 6
         self.used[number] = (client, command)
@@ -170,6 +177,42 @@ class Handshake(unittest.TestCase):
         for _ in range(12):
             self.assertEqual(self.run_command(1, first_number=100, last_number=104 + 10), (True, 0))
         self.assertEqual(len(self.device.runs), 12)
+
+    def test_two_blocks_of_a_plc_take_turns_and_never_the_same_number(self):
+        shared = {}
+        blocks = [self.machine.block("FB_FinsightCommand", shared) for _ in range(2)]
+        ended, seen = [0, 0], (0, 0, 0)
+        for cycle in range(400):
+            self.machine.now_ms += 10
+            for i, block in enumerate(blocks):
+                was_busy = block.busy
+                block(execute=not was_busy and cycle % 3 > i, command=12, own_sequence=seen[0], own_command=seen[1],
+                      own_result=seen[2], link_ready=cycle > 2, write_exception=0)
+                if was_busy and not block.busy:
+                    self.assertTrue(block.done)
+                    ended[i] += 1
+                if block.write_request:
+                    self.assertIn(self.device.write("plc", *block.request), (0, 6))
+            seen = self.device.own.get("plc", (0, 0, 0))
+            self.device.cycle()
+        self.assertGreater(min(ended), 5)
+        self.assertLessEqual(len(self.device.runs) - sum(ended), 1)  # the last one may still run
+        self.assertGreaterEqual(len(self.device.runs), sum(ended))
+
+    def test_every_command_of_a_sequence_has_its_whole_time(self):
+        seen, runs, was_busy = (0, 0, 0), 0, False
+        for cycle in range(3000):
+            self.machine.now_ms += 10
+            block = self.block(execute=not was_busy, command=1, own_sequence=seen[0], own_command=seen[1],
+                               own_result=seen[2], link_ready=True)  # given again in the cycle after it has ended
+            self.assertFalse(block.error, cycle)
+            runs += was_busy and not block.busy
+            was_busy = block.busy
+            if block.write_request:
+                self.device.write("plc", *block.request, run_cycles=150)
+            seen = self.device.own.get("plc", (0, 0, 0))
+            self.device.cycle()
+        self.assertGreater(runs, 15)
 
     def test_a_change_of_command_while_busy_does_not_change_what_is_written(self):
         self.block(execute=False, link_ready=True)

@@ -13,7 +13,7 @@ TOKEN = re.compile(r"""\s+|\(\*.*?\*\)|(?P<time>T\#\d+(?:ms|s))|(?P<typed>[A-Z]+
 WIDTH = {"WORD": 16, "DWORD": 32, "UINT": 16, "UDINT": 32, "INT": 16}
 BITS, NUMBERS = ("BOOL", "WORD", "DWORD"), ("INT", "UINT", "UDINT", "REAL", "TIME")
 WORDS = {"IF", "THEN", "ELSE", "ELSIF", "END_IF", "WHILE", "DO", "END_WHILE", "AND", "OR", "NOT", "TRUE", "FALSE", "VAR",
-         "VAR_INPUT", "VAR_OUTPUT", "END_VAR", "FUNCTION", "END_FUNCTION", "FUNCTION_BLOCK", "END_FUNCTION_BLOCK", "TYPE",
+         "VAR_INPUT", "VAR_IN_OUT", "VAR_OUTPUT", "END_VAR", "FUNCTION", "END_FUNCTION", "FUNCTION_BLOCK", "END_FUNCTION_BLOCK", "TYPE",
          "END_TYPE", "ARRAY", "OF"}
 
 
@@ -78,8 +78,8 @@ class Machine:
             else:
                 self.refuse("TYPE, FUNCTION or FUNCTION_BLOCK")
 
-    def block(self, name):
-        return Instance(self, self.blocks[name])
+    def block(self, name, shared=None):
+        return Instance(self, self.blocks[name], shared)
 
     # The parser: one token ahead.
     @property
@@ -125,11 +125,11 @@ class Machine:
 
     def parse_unit(self, end, units):
         name = self.take_kind("name")
-        unit = {"name": name, "variables": {}, "inputs": [], "outputs": [], "initial": {}}
+        unit = {"name": name, "variables": {}, "inputs": [], "shared": [], "outputs": [], "initial": {}}
         if end == "END_FUNCTION":
             self.take(":")
             unit["variables"][name] = self.take_kind("name")
-        while self.text in ("VAR", "VAR_INPUT", "VAR_OUTPUT"):
+        while self.text in ("VAR", "VAR_INPUT", "VAR_IN_OUT", "VAR_OUTPUT"):
             section = self.text
             self.at += 1
             while not self.take_word("END_VAR"):
@@ -146,7 +146,8 @@ class Machine:
                     unit["initial"][variable] = self.literal(kind)
                 self.take(";")
                 if section != "VAR":
-                    unit["inputs" if section == "VAR_INPUT" else "outputs"].append(variable)
+                    lists = {"VAR_INPUT": "inputs", "VAR_IN_OUT": "shared", "VAR_OUTPUT": "outputs"}
+                    unit[lists[section]].append(variable)
         self.scope = unit["variables"]
         unit["body"] = self.statements((end,))
         self.take(end)
@@ -412,16 +413,22 @@ def initial_values(machine, unit):
 
 
 class Instance:
-    """A function block with its memory: call it with inputs by name, read outputs as attributes."""
+    """A function block with its memory: call it with inputs by name, read outputs as attributes. `shared` holds the
+    variables of its VAR_IN_OUT; blocks that are given the same ones share them."""
 
-    def __init__(self, machine, unit):
+    def __init__(self, machine, unit, shared=None):
         self.unit, self.scope = unit, initial_values(machine, unit)
+        self.shared = {} if shared is None else shared
+        for name in unit["shared"]:
+            self.shared.setdefault(name, self.scope[name])
 
     def __call__(self, **inputs):
         for name, value in inputs.items():
             assert name in self.unit["inputs"], name
             self.scope[name] = value
+        self.scope.update(self.shared)
         execute(self.unit["body"], self.scope)
+        self.shared.update({name: self.scope[name] for name in self.unit["shared"]})
         return self
 
     def __getattr__(self, name):
