@@ -130,7 +130,7 @@ class Blocks(Device):
         self.assertTrue(block(words=words).alive)
         machine.now_ms = 400  # reads fail, so the words stay
         self.assertTrue(block(words=words).alive)  # its timer starts with the first repeated heartbeat
-        machine.now_ms = 701
+        machine.now_ms = 801
         self.assertFalse(block(words=words).alive)
         self.assertFalse(block.contact or block.touch_valid or block.force_valid)
 
