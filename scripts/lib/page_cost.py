@@ -34,8 +34,9 @@ def main():
         load_before = os.getloadavg()[0]
         port, folder = free_port(), Path(memory) / "page"
         source = session_source(session) + f'\n[page]\nport = {port}\nfolder = "{folder}"'
-        if processors > 1:
-            source += "\n[realtime]\ncpu = 1"
+        # As on a board (boards/image/realtime.toml), where this machine allows it.
+        is_real_time = subprocess.run(["chrt", "-f", "20", "true"], stderr=subprocess.DEVNULL).returncode == 0
+        source += "\n[realtime]\n" + ("cpu = 1\n" if processors > 1 else "") + ("priority = 20\n" if is_real_time else "")
         with Firmware(arguments.binaries / "finsightd", arguments.pack.resolve(), source) as firmware:
             reader = Reader(firmware.port)
             while not reader.read().has("ready"):
@@ -55,7 +56,7 @@ def main():
             finally:
                 page.terminate()
                 page.communicate(timeout=20)
-        figures = json.loads(measured.read_text()) | {"processors": processors, "load_before": round(load_before, 2)}
+        figures = json.loads(measured.read_text()) | {"processors": processors, "real_time": is_real_time, "load_before": round(load_before, 2)}
     if firmware.process.returncode != 0:
         sys.exit(f"finsightd ended with {firmware.process.returncode}: {firmware.errors}")
     print(json.dumps(figures, indent=1))
