@@ -23,7 +23,7 @@ def render(folder, *words):
 class Device:
     """Both programs; the end of a `with` block stops them."""
 
-    def __init__(self, path=SESSION, more=""):
+    def __init__(self, path=SESSION, more="", page_prefix=()):
         self.folder = tempfile.TemporaryDirectory()
         self.port, self.page_port = free_port(), free_port()
         self.settings = Path(self.folder.name) / "board.toml"
@@ -32,6 +32,7 @@ class Device:
             '[storage]\nsettings = "state.toml"\nrecordings = "recordings"\n'
             f'[page]\nport = {self.page_port}\nfolder = "memory"\nmeasured = "measured"\n{more}\n')
         self.firmware = self.page = None
+        self.page_prefix = page_prefix
 
     def __enter__(self):
         self.start_firmware()
@@ -53,10 +54,10 @@ class Device:
         self.firmware = self.start("finsightd", "Modbus TCP on")
 
     def start_page(self):
-        self.page = self.start("finsight-page", "http://")
+        self.page = self.start("finsight-page", "http://", self.page_prefix)
 
-    def start(self, program, ready):
-        process = subprocess.Popen([BINARIES / program, "--settings", self.settings], stderr=subprocess.PIPE, text=True)
+    def start(self, program, ready, prefix=()):
+        process = subprocess.Popen([*prefix, BINARIES / program, "--settings", self.settings], stderr=subprocess.PIPE, text=True)
         for line in process.stderr:
             if ready in line:
                 break
