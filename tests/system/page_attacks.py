@@ -319,6 +319,19 @@ class Misuse(unittest.TestCase):
         self.assertNotIn("Access-Control-Allow-Origin", headers)
         self.assertEqual(self.device.request("OPTIONS", "/api/state")[0], 405)
 
+    @unittest.skipIf(os.geteuid() != 0, "only root sees packets")
+    def test_on_the_local_link_only_no_answer_passes_a_router(self):
+        for more, expected in (("", 64), ("local_link_only = true", 1)):
+            with Device(REST, more) as device, socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_TCP) as wire:
+                wire.settimeout(10)
+                self.assertEqual(device.request("GET", "/")[0], 200)
+                lives = set()
+                while len(lives) == 0:
+                    packet = wire.recv(65536)
+                    if int.from_bytes(packet[20:22], "big") == device.page_port:  # from the page
+                        lives.add(packet[8])
+                self.assertEqual(lives, {expected}, more)
+
     def test_paths_lead_nowhere_but_to_the_page(self):
         for path in ("/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/api/recordings/../state.toml", "/api/recordings/..%2fstate.tar",
                      "/api/recordings/session-0001/../../state.toml.tar", "/api/recordings/.tar", "//etc/passwd", "/index.html/..", "/app.js/",
