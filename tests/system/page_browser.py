@@ -5,9 +5,11 @@ usage: page_browser.py BINARY_DIR SOURCE_DIR [unittest arguments]
 Screenshots are written to BINARY_DIR/page-screenshots. The check of accessibility needs FINSIGHT_NODE_MODULES, a node_modules
 folder that has axe-core. Exits with 77 where there is no chromium.
 """
+import json
 import os
 import shutil
 import sys
+import tempfile
 import time
 import unittest
 from pathlib import Path
@@ -165,6 +167,10 @@ class Page(unittest.TestCase):
         words = browser.wait(lambda d: (t := browser.text(".why")) and "marker has been hidden" in t and t, "words for the covered marker")
         self.assertNotIn("Nothing touches the finger", words)
         self.assertRegex(words, r"The (top|middle|low) marker has been hidden for \d+ s\s+Something covers the .* of the picture")
+        browser.open(device, "diagnostics")
+        browser.wait(lambda d: d.execute_script("return document.querySelector('.pictures img')?.naturalWidth"), "a bad picture that was kept")
+        self.said(browser, "main", "passed its self-test")
+        self.assertEqual(browser.problems(), [])
 
     def said(self, browser, selector, words):
         """The text of the element once it holds these words; collected by the page itself, as they may stand only for a second."""
@@ -200,6 +206,49 @@ class Page(unittest.TestCase):
             pass  # in the part in which it is already knocked
         text = self.said(browser, ".why", "The camera has moved against the finger")
         self.assertIn("measure the mount", text)
+
+    def test_an_update_is_sent_and_its_outcome_told(self):
+        with tempfile.TemporaryDirectory() as name:
+            updates = Path(name)
+            (updates / "spool").mkdir()
+            file = updates / "finsight-x.update"
+            file.write_bytes(os.urandom(5_000_000))
+            device, browser = self.device(REST, f'updates = "{updates}"'), self.browser()
+            browser.open(device, "updates")
+            chooser = browser.wait(lambda d: d.find_elements(By.ID, "update-file"), "a chooser of files")[0]
+            chooser.send_keys(str(file))
+            browser.click("Send and install")
+            browser.unlock()
+            self.said(browser, "main", "The update is being checked and written")
+            self.assertEqual((updates / "spool" / "upload.update").read_bytes(), file.read_bytes())
+            # What the image's updater would say and do.
+            (updates / "result.txt").write_text("finsight-update: x.update: the signature is not by a key of this device\n")
+            (updates / "spool" / "upload.update").unlink()
+            self.assertIn("not by a key of this device", self.said(browser, "main", "The update was not installed"))
+            (updates / "result.txt").write_text("finsight-update: writing version 9 over 1 to slot b\nfinsight-update: slot b is complete and starts next\n")
+            self.said(browser, "main", "The update to 9 did not work here")
+        workstation = self.device(REST)
+        browser.open(workstation, "updates")
+        self.said(browser, "main", "There are no updates here")
+
+    def test_a_file_of_another_device_is_imported_and_one_of_another_pack_is_refused(self):
+        device, browser = self.device(REST), self.browser()
+        export = device.get("/api/export")[1]
+        export["settings"]["hold_time"] = 260
+        file, other = Path(device.folder.name) / "device.json", Path(device.folder.name) / "other.json"
+        file.write_text(json.dumps(export))
+        other.write_text(json.dumps(export | {"pack_checksum": "0"}))
+        browser.open(device, "settings")
+
+        def choose(path):
+            browser.driver.find_element(By.CSS_SELECTOR, "main input[type=file]").send_keys(str(path))
+            browser.wait(lambda d: d.switch_to.alert, "the question").accept()
+        choose(other)
+        browser.unlock()
+        self.said(browser, "#toasts", "pack_checksum: found")
+        self.assertEqual(device.get("/api/export")[1]["settings"]["hold_time"], 200)
+        choose(file)
+        device.wait(lambda: device.get("/api/state")[1].get("hold_time") == 260, "restart with what was imported", PATIENCE_S)
 
     def test_two_browsers_and_a_plc_at_once(self):
         device = self.device(WORK / "session")
