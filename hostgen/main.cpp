@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   host::add_mesh_command(app);
   host::add_dataset_command(app);
   host::add_merge_command(app);
+  host::add_camera_command(app);
   host::add_render_command(app);
   host::add_figure_command(app);
   host::add_inspect_command(app);

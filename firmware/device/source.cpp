@@ -40,12 +40,15 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
                      .marker_size_mm = marker_size_mm,
                      .description = {},
                      .gravity_g = settings.fixed_g,
-                     .coding = settings.camera.coding};
+                     .coding = settings.camera.coding,
+                     .readout_ms = settings.camera.readout_ms};
 }
 
 void complete_from_source(const Settings& settings, const std::optional<SessionInfo>& images, LoopSettings& loop) {
   const bool is_recorded_motion = settings.source == Settings::Source::kPoses;
-  loop.rest_is_known = is_recorded_motion || images->from_rest;
+  // A mount is measured from the finger at rest, so that poses are relative to that rest.
+  loop.rest_is_known = is_recorded_motion || images->from_rest || loop.mount.has_value();
+  if (images) loop.readout_ms = images->readout_ms;
   loop.fixed_g = settings.fixed_g;
   if (settings.fixed_g || settings.gravity_max_age_ms > 0) return;
   loop.fixed_g = is_recorded_motion ? std::optional(Vec3f(0, 0, 0)) : images->gravity_g;

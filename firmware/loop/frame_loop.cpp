@@ -17,7 +17,8 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, cons
       shape_(model, settings.shape),
       touch_(model) {
   if (camera) {
-    observer_.emplace(settings.mount.value_or(model.mount), model.prior, *camera);
+    observer_.emplace(settings.mount.value_or(model.mount), model.prior, *camera,
+                      static_cast<std::int64_t>(settings.readout_ms * kNsPerMs));
     view_.corners = &observer_->corners();
   }
   state_.model_checksum = model.checksum;

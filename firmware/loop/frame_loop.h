@@ -24,6 +24,7 @@ namespace finsight {
 struct LoopSettings {
   ShapeSettings shape;
   RuntimeSettings runtime;                         ///< the first; see use()
+  double readout_ms = 0;                           ///< of a camera with a rolling shutter, see RollingShutter
   double smoothing_ms = 0;                         ///< delay of the low-pass on plate motions, see PoseFilter; 0: none
   std::optional<MountModel> mount = std::nullopt;  ///< of this device, instead of the model's
   /// The acceleration of things that fall, in the finger frame and in g, if the finger never turns. Nothing, or a rest

@@ -1,6 +1,7 @@
 #include "firmware/loop/zero.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "firmware/geometry/so3.h"
 
@@ -22,6 +23,7 @@ void Zeroing::begin() {
   running_ = true;
   frames_ = tries_ = 0;
   sum_ = block_ = {};
+  change_sq_ = {};
   outcome_.reset();
 }
 
@@ -40,18 +42,26 @@ void Zeroing::end(bool done) {
   outcome_ = done;
 }
 
-/// Near enough to the model's rest.
-bool Zeroing::is_usable(const PlatePoses& poses) const {
-  return std::ranges::all_of(poses.plates, [&](const PlateMotion& motion) {
+/// This block's mean is near enough to the model's rest. Single frames of dim pictures scatter further.
+bool Zeroing::is_usable() const {
+  return std::ranges::all_of(block_, [&](const PlateMotion& motion) {
     return motion.displacement_mm.norm() <= furthest_mm_ && motion.rotation_rad.norm() <= kMaxRotation_rad;
   });
+}
+
+// Of a single frame, all three axes together, from the changes between frames that follow each other: a slow drift does
+// not count as noise.
+float Zeroing::place_variance(std::size_t plate) const {
+  return frames_ > 1 ? change_sq_[plate] / static_cast<float>(2 * (frames_ - 1)) : 0;
 }
 
 // Single frames differ by their noise, which for a small marker is a tenth of a millimetre along the line of sight; a
 // finger that is still shows it in the means of some.
 bool Zeroing::has_moved() const {
   for (std::size_t p = 0; p < kPlates; ++p) {
-    if ((block_[p].displacement_mm - first_block_[p].displacement_mm).norm() > kMaxMotion_mm) return true;
+    const float noise_mm = std::sqrt(2 * place_variance(p) / kBlock);
+    const float moved_mm = (block_[p].displacement_mm - first_block_[p].displacement_mm).norm();
+    if (moved_mm > std::max(kMaxMotion_mm, kMaxMotion_sigmas * noise_mm)) return true;
   }
   return false;
 }
@@ -59,20 +69,31 @@ bool Zeroing::has_moved() const {
 void Zeroing::add(const PlatePoses& poses) {
   if (++tries_ > kMaxFrames) return end(false);
   if (poses.quality != Quality::kFresh || poses.seen_count() < kPlates) return;
-  if (!is_usable(poses)) return end(false);
   ++frames_;
+  float worst_variance = 0;
   for (std::size_t p = 0; p < kPlates; ++p) {
-    sum_[p].displacement_mm += poses.plates[p].displacement_mm / kFrames;
-    sum_[p].rotation_rad += poses.plates[p].rotation_rad / kFrames;
-    block_[p].displacement_mm += poses.plates[p].displacement_mm / kBlock;
+    const PlateMotion& now = poses.plates[p];
+    if (frames_ > 1) change_sq_[p] += (now.displacement_mm - last_[p].displacement_mm).squaredNorm();
+    last_[p] = now;
+    sum_[p].displacement_mm += now.displacement_mm;
+    sum_[p].rotation_rad += now.rotation_rad;
+    block_[p].displacement_mm += now.displacement_mm / kBlock;
+    block_[p].rotation_rad += now.rotation_rad / kBlock;
+    worst_variance = std::max(worst_variance, place_variance(p));
   }
   if (frames_ % kBlock == 0) {
     if (frames_ == kBlock) first_block_ = block_;
-    if (has_moved()) return end(false);
+    if (!is_usable() || has_moved()) return end(false);
     block_ = {};
   }
-  if (frames_ < kFrames) return;
-  set_zero(sum_);
+  const auto count = static_cast<float>(frames_);
+  if (frames_ < kFrames || std::sqrt(worst_variance / count) > kMaxMeanError_mm) return;
+  ZeroPose mean = sum_;
+  for (PlateMotion& plate : mean) {
+    plate.displacement_mm /= count;
+    plate.rotation_rad /= count;
+  }
+  set_zero(mean);
   end(true);
 }
 

@@ -80,7 +80,8 @@ struct LiveCameraSettings {
   std::optional<int> exposure_us = std::nullopt;  ///< either of these two ends the camera's automatic exposure
   std::optional<double> gain = std::nullopt;
   Coding coding = Coding::kLinear;
-  int stall_ms = 500;  ///< a camera without a frame for this time is lost
+  double readout_ms = 0;  ///< of a rolling shutter, from the first row to the last
+  int stall_ms = 500;     ///< a camera without a frame for this time is lost
 };
 
 /// A camera that outlives failures of the hardware: while it is missing, refuses its settings, is unplugged or stalls,

@@ -350,8 +350,8 @@ class LibcameraCamera : public Camera {
     return sensor_ns && buffer.timestamp == static_cast<std::uint64_t>(*sensor_ns) ? &buffer : nullptr;
   }
 
-  /// The sensor's time stamp is the start of the exposure. A buffer's sequence counts the sensor's frames, so that
-  /// those that found no free buffer are missed; a request's counts only those that came too late for us.
+  /// The sensor's time stamp is the start of the first row's exposure. A buffer's sequence counts the sensor's frames,
+  /// so that those that found no free buffer are missed; a request's counts only those that came too late for us.
   void stamp(Frame& frame) const {
     namespace controls = libcamera::controls;
     const libcamera::ControlList& metadata = shown_->metadata();
@@ -360,7 +360,8 @@ class LibcameraCamera : public Camera {
     if (sensor_ns && (*sensor_ns > now || *sensor_ns < now - kOldestNs)) sensor_ns.reset();
     const std::optional<std::int32_t> measured_us = metadata.get(controls::ExposureTime);
     const std::int64_t exposure_us = measured_us.value_or(settings_.exposure_us.value_or(0));
-    frame.exposure_ns = std::min(sensor_ns.value_or(now) + exposure_us * 500, now);
+    const auto readout_ns = static_cast<std::int64_t>(settings_.readout_ms * kNsPerMs);
+    frame.exposure_ns = std::min(sensor_ns.value_or(now) + exposure_us * 500 + readout_ns / 2, now);
     const libcamera::FrameMetadata* buffer = metadata_of(*shown_);
     frame.sequence = buffer ? buffer->sequence : shown_->sequence();
   }

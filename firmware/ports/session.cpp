@@ -89,12 +89,15 @@ std::string lens_toml(const Lens& lens) {
          "\nk1_k2_p1_p2_k3 = " + list(all.subspan(kPinholeNumbers)) + "\n";
 }
 
+double read_readout_ms(TomlTable& table) { return table.number("readout_ms", 0, 100, 0.0); }
+
 SessionInfo read_session_info(const std::filesystem::path& folder) {
   TomlTable table = TomlTable::parse_file(folder / kSessionInfo);
   SessionInfo info;
   info.description = table.text("description", "");
   info.complete = table.flag("complete", true);
   info.coding = read_coding(table);
+  info.readout_ms = read_readout_ms(table);
   info.from_rest = table.flag("from_rest", false);
   if (table.has("gravity_g")) {
     const auto g = table.numbers("gravity_g", 3, -100, 100);
@@ -140,6 +143,8 @@ std::string session_info_toml(const SessionInfo& info) {
   return "description = " + quoted(info.description) + (info.complete ? "" : "\ncomplete = false") +
          (info.from_rest ? "\nfrom_rest = true  # as in the finger's pack: no zero is needed" : "") +
          gravity_toml(info.gravity_g) + (info.coding == Coding::kSrgb ? "\ncoding = \"srgb\"" : "") +
+         (info.readout_ms > 0 ? "\nreadout_ms = " + shortest(info.readout_ms) + "  # from the first row to the last"
+                              : "") +
          "\nwidth_px = " + std::to_string(info.lens.width_px) + "\nheight_px = " + std::to_string(info.lens.height_px) +
          "\nframes_per_second = " + shortest(info.frames_per_second) + "\n\n[camera]  # pixels; OpenCV's convention\n" +
          lens_toml(info.lens) +

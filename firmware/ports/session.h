@@ -34,6 +34,7 @@ struct SessionInfo {
   /// The acceleration of things that fall, in the finger frame and in g, if the finger did not turn meanwhile.
   std::optional<Vec3f> gravity_g = std::nullopt;
   Coding coding = Coding::kLinear;
+  double readout_ms = 0;   ///< from the first row's exposure to the last's; 0: all at once
   bool from_rest = false;  ///< nothing differs at rest from the finger's pack: no zero is needed
   bool complete = true;    ///< false: the recording was cut off; its last frame may be half written
 };
@@ -42,6 +43,8 @@ struct SessionInfo {
 Lens read_lens(TomlTable table, int width_px, int height_px);
 /// Key coding of a table: "linear" (the default) or "srgb".
 Coding read_coding(TomlTable& table);
+/// Key readout_ms of a table: of a camera with a rolling shutter; 0 without.
+double read_readout_ms(TomlTable& table);
 /// The lines that read_lens() reads, without the size.
 std::string lens_toml(const Lens& lens);
 /// Strict: unknown keys, wrong types, numbers that cannot be a lens or repeated marker ids throw InputError.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/vision/grey_light.h"
+
 namespace finsight {
 namespace {
 
@@ -26,39 +28,28 @@ constexpr float kFarthestMove = 0.25F;  // of a side
 
 struct Line {
   Vector2d point = Vector2d::Zero(), normal = Vector2d::Zero();
+  double end_variance_px2 = 0;  ///< across the line, at its ends
 };
 
 /// Points of one edge as rays (z = 1), at most one per profile.
 struct EdgePoints {
   std::array<Vector2d, kProfiles> ray;
   std::size_t count = 0;
+  double width_sq_px = 0;  ///< mean square of the distance of the rise from its middle
 };
 
-/// Light (0 ... 255) by coded grey level.
-std::array<float, 257> srgb_light() {
-  std::array<float, 257> light{};
-  for (std::size_t i = 0; i < light.size(); ++i) {
-    const double coded = static_cast<double>(i) / 255;
-    const double linear = coded <= 0.04045 ? coded / 12.92 : std::pow((coded + 0.055) / 1.055, 2.4);
-    light[i] = static_cast<float>(255 * linear);
-  }
-  return light;
-}
+/// Along a profile, as shares of the reach.
+struct Rise {
+  float middle = 0;    ///< -1 ... 1
+  float width_sq = 0;  ///< mean square of the distance from it
+};
 
-float light_of(float grey, Coding coding) {
-  if (coding == Coding::kLinear) return grey;
-  static const std::array<float, 257> kLight = srgb_light();
-  const auto below = static_cast<std::size_t>(grey);  // 0 ... 255
-  const float share = grey - static_cast<float>(below);
-  return kLight[below] * (1 - share) + kLight[below + 1] * share;
-}
-
-/// Where the light rises from ink to paper along a profile, as a share of the reach (-1 ... 1).
-bool find_rise(const ImageView& image, const Vec2f& centre, const Vec2f& reach, int steps, float& share) {
+/// Where the light rises from ink to paper.
+bool find_rise(const ImageView& image, const Vec2f& centre, const Vec2f& reach, int steps, Rise& found) {
   // The centroid of the rise, tapered towards the ends: noise and neighbouring modules count little there. What the
   // taper cuts off one side of the rise vanishes as the rounds centre the profile on it.
   const float step = 1.0F / static_cast<float>(steps);
-  float before = 0, rise = 0, moment = 0;
+  float before = 0, rise = 0, moment = 0, square = 0;
   for (int i = -steps; i <= steps; ++i) {
     const float at = static_cast<float>(i) * step;
     const float grey = light_of(image.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y()), image.coding);
@@ -67,12 +58,14 @@ bool find_rise(const ImageView& image, const Vec2f& centre, const Vec2f& reach, 
       const float weighted = (1 - middle * middle) * (grey - before);
       rise += weighted;
       moment += weighted * middle;
+      square += weighted * middle * middle;
     }
     before = grey;
   }
   if (!(rise > kSmallestContrast)) return false;
-  share = moment / rise;
-  return std::abs(share) < 1;
+  found.middle = moment / rise;
+  found.width_sq = square / rise - found.middle * found.middle;
+  return std::abs(found.middle) < 1;
 }
 
 bool inside(const ImageView& image, const Vec2f& p) {
@@ -94,6 +87,7 @@ float reach_across(const std::array<Vec2f, 4>& corners, std::size_t k) {
 void find_edge_points(const ImageView& image, const Lens& camera, const Vector2d& a, const Vector2d& b, float reach_px,
                       EdgePoints& points) {
   points.count = 0;
+  points.width_sq_px = 0;
   if (!(reach_px > kStepPx)) return;
   const int steps = static_cast<int>(std::ceil(reach_px / kStepPx));
   for (std::size_t i = 0; i < kProfiles; ++i) {
@@ -102,13 +96,15 @@ void find_edge_points(const ImageView& image, const Lens& camera, const Vector2d
     const Vector2d along = centre.slope * (b - a);
     const Vector2d outward = Vector2d(along.y(), -along.x()).normalized();
     const Vec2f middle = centre.pixel.cast<float>(), reach = outward.cast<float>() * reach_px;
-    float share = 0;
+    Rise rise;
     if (!inside(image, middle - reach) || !inside(image, middle + reach) ||
-        !find_rise(image, middle, reach, steps, share)) {
+        !find_rise(image, middle, reach, steps, rise)) {
       continue;
     }
-    points.ray[points.count++] = ray + centre.slope.inverse() * outward * static_cast<double>(share * reach_px);
+    points.ray[points.count++] = ray + centre.slope.inverse() * outward * static_cast<double>(rise.middle * reach_px);
+    points.width_sq_px += static_cast<double>(rise.width_sq * reach_px * reach_px);
   }
+  if (points.count > 0) points.width_sq_px /= static_cast<double>(points.count);
 }
 
 /// Least squares of distances across the line; returns their RMS.
@@ -147,7 +143,11 @@ bool fit_edge(EdgePoints& points, double px, double largest_rms_px, Line& line) 
     if (distance[i] <= far) points.ray[kept++] = points.ray[i];
   }
   points.count = kept;
-  return kept >= kMinProfiles && fit_line(points, line) < largest_rms_px * px;
+  if (kept < kMinProfiles) return false;
+  const double rms = fit_line(points, line), count = static_cast<double>(kept);
+  // At its ends a line that is fitted to evenly spread points varies twice as much as their mean.
+  line.end_variance_px2 = 4 / (count - 2) * std::pow(rms / px, 2);
+  return rms < largest_rms_px * px;
 }
 
 /// Not-a-number for parallel lines.
@@ -160,29 +160,34 @@ Vector2d crossing(const Line& first, const Line& second) {
 
 }  // namespace
 
-bool refine_corners(const ImageView& image, const Lens& camera, std::array<Vec2f, 4>& corners_px) {
+std::optional<EdgeQuality> refine_corners(const ImageView& image, const Lens& camera,
+                                          std::array<Vec2f, 4>& corners_px) {
   const double px = 1.0 / camera.fx;  // a pixel's size in the plane of the rays
   std::array<Vec2f, 4> corners = corners_px;
   std::array<Vector2d, 4> rays;
   for (std::size_t k = 0; k < 4; ++k) rays[k] = ray_from_pixel(camera, corners[k].cast<double>());
   EdgePoints points;
   std::array<Line, 4> lines;
+  double variance = 0, width_sq = 0;
   for (int round = 0; round < kRounds; ++round) {
+    variance = width_sq = 0;
     for (std::size_t k = 0; k < 4; ++k) {
       const float reach_px = reach_across(corners, k);
       const double largest_rms_px = round + 1 < kRounds ? kCoarseRmsPx : kLargestRmsPx;
       find_edge_points(image, camera, rays[k], rays[(k + 1) % 4], reach_px, points);
-      if (!fit_edge(points, px, largest_rms_px, lines[k])) return false;
+      if (!fit_edge(points, px, largest_rms_px, lines[k])) return std::nullopt;
+      variance += lines[k].end_variance_px2 / 4;
+      width_sq += points.width_sq_px / 4;
     }
     for (std::size_t k = 0; k < 4; ++k) {
       rays[k] = crossing(lines[(k + 3) % 4], lines[k]);
       corners[k] = pixel_from_ray(camera, rays[k]).cast<float>();
       const float side = (corners_px[(k + 1) % 4] - corners_px[k]).norm();
-      if (!((corners[k] - corners_px[k]).norm() < kFarthestMove * side)) return false;
+      if (!((corners[k] - corners_px[k]).norm() < kFarthestMove * side)) return std::nullopt;
     }
   }
   corners_px = corners;
-  return true;
+  return EdgeQuality{static_cast<float>(std::sqrt(variance)), static_cast<float>(std::sqrt(std::max(0.0, width_sq)))};
 }
 
 }  // namespace finsight

@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <span>
 #include <tuple>
 
 #include "firmware/vision/aruco_compat.h"
@@ -28,6 +29,10 @@ constexpr int kModules = 6, kSamples = 4;  // along a side; along a module, its 
 constexpr double kFromContour = 48.0 / 47;
 constexpr double kMinContrast = 8;  // standard deviation, grey levels; less than that is no marker
 constexpr int kWhiteInBorder = 1;   // of 20 border modules, one may be dirty
+// Of a marker with a reflection on it. With eleven modules left, two markers of the dictionary still differ, and the
+// marker is looked for where it must be.
+constexpr int kHiddenModules = 5, kHiddenInBorder = 10, kSaturated = 254;
+constexpr double kReflected = 0.15;  // brighter than paper by this share of the contrast
 // The white margin of a marker is a square too, one module (0.059 of the perimeter) outside the black one.
 constexpr float kSamePlace = 1.0F / 16;  // of the perimeter
 
@@ -110,23 +115,32 @@ std::optional<Square> square_of(const std::vector<cv::Point>& contour, const Sid
   return fits && shortest >= kShortestSide * points ? std::optional(square) : std::nullopt;
 }
 
-/// The code in a square, read from its first corner; nothing without contrast or a black border. `spread`: by how much
-/// the square is larger than its corners say.
-std::optional<std::uint16_t> read_code(const cv::Mat& image, const Corners& corners, double spread) {
-  constexpr int kSide = kModules * kSamples;
+/// Grey levels in the middles of a square's modules and of those around it, `margin` deep, row by row from its first
+/// corner. `spread`: by how much the square is larger than its corners say.
+void sample_modules(const cv::Mat& image, const Corners& corners, double spread, int margin,
+                    std::span<std::uint8_t> samples) {
   const cv::Point2f modules[] = {{0, 0}, {kModules, 0}, {kModules, kModules}, {0, kModules}};
   const cv::Matx33d H = cv::getPerspectiveTransform(modules, corners.data());
-  std::array<std::uint8_t, kSide * kSide> samples;
-  for (int i = 0; i < kSide * kSide; ++i) {
-    const auto place = [spread](int sample) {
-      const double module = sample / kSamples + 0.25 + (sample % kSamples + 0.5) / (2.0 * kSamples);
+  const int side = (kModules + 2 * margin) * kSamples;
+  for (int i = 0; i < side * side; ++i) {
+    const auto place = [spread, margin](int sample) {
+      const double module = sample / kSamples - margin + 0.25 + (sample % kSamples + 0.5) / (2.0 * kSamples);
       return 0.5 * kModules + spread * (module - 0.5 * kModules);
     };
-    const cv::Vec3d at = H * cv::Vec3d(place(i % kSide), place(i / kSide), 1);
+    const cv::Vec3d at = H * cv::Vec3d(place(i % side), place(i / side), 1);
     const int x = std::clamp(cvRound(at[0] / at[2]), 0, image.cols - 1);
     const int y = std::clamp(cvRound(at[1] / at[2]), 0, image.rows - 1);
     samples[static_cast<std::size_t>(i)] = image.at<std::uint8_t>(y, x);
   }
+}
+
+bool is_border(int row, int column) { return row == 0 || row + 1 == kModules || column == 0 || column + 1 == kModules; }
+
+/// The code in a square, read from its first corner; nothing without contrast or a black border.
+std::optional<std::uint16_t> read_code(const cv::Mat& image, const Corners& corners, double spread) {
+  constexpr int kSide = kModules * kSamples;
+  std::array<std::uint8_t, kSide * kSide> samples;
+  sample_modules(image, corners, spread, 0, samples);
   cv::Mat grey(kSide, kSide, CV_8UC1, samples.data());
   cv::Scalar mean, deviation;
   cv::meanStdDev(grey, mean, deviation);
@@ -139,14 +153,78 @@ std::optional<std::uint16_t> read_code(const cv::Mat& image, const Corners& corn
     for (int column = 0; column < kModules; ++column) {
       const cv::Rect module(column * kSamples, row * kSamples, kSamples, kSamples);
       const bool white = 2 * cv::countNonZero(grey(module)) > kSamples * kSamples;
-      if (row > 0 && row + 1 < kModules && column > 0 && column + 1 < kModules) {
-        code = static_cast<std::uint16_t>(code << 1 | white);
-      } else {
+      if (is_border(row, column)) {
         white_in_border += white;
+      } else {
+        code = static_cast<std::uint16_t>(code << 1 | white);
       }
     }
   }
   return white_in_border <= kWhiteInBorder ? std::optional(code) : std::nullopt;
+}
+
+/// The marker with its margin, module by module, as a reflection leaves it.
+constexpr int kWithMargin = kModules + 2;
+struct Lit {
+  std::array<bool, kWithMargin * kWithMargin> white{}, reflected{};
+};
+
+Lit read_lit(const std::array<std::uint8_t, kWithMargin * kWithMargin * kSamples * kSamples>& samples, double middle,
+             double brighter) {
+  constexpr int kRow = kWithMargin * kSamples;
+  Lit lit;
+  for (int module = 0; module < kWithMargin * kWithMargin; ++module) {
+    int white = 0;
+    for (int i = 0; i < kSamples * kSamples; ++i) {
+      const int y = module / kWithMargin * kSamples + i / kSamples, x = module % kWithMargin * kSamples + i % kSamples;
+      const int level = samples[static_cast<std::size_t>(y * kRow + x)];
+      white += level > middle;
+      if (level > brighter || level >= kSaturated) lit.reflected[static_cast<std::size_t>(module)] = true;
+    }
+    lit.white[static_cast<std::size_t>(module)] = 2 * white > kSamples * kSamples;
+  }
+  return lit;
+}
+
+/// Light only adds: what is dark is ink. What is white tells nothing where light is reflected there or next to it.
+bool agrees(const Lit& lit, std::uint16_t wanted) {
+  const auto at = [](int row, int column) { return static_cast<std::size_t>((row + 1) * kWithMargin + column + 1); };
+  int hidden = 0, hidden_in_border = 0, white_in_border = 0;
+  for (int row = 0, bit = 15; row < kModules; ++row) {
+    for (int column = 0; column < kModules; ++column) {
+      const bool is_white = lit.white[at(row, column)];
+      const bool is_hidden = is_white && (lit.reflected[at(row, column)] || lit.reflected[at(row - 1, column)] ||
+                                          lit.reflected[at(row + 1, column)] || lit.reflected[at(row, column - 1)] ||
+                                          lit.reflected[at(row, column + 1)]);
+      if (is_border(row, column)) {
+        hidden_in_border += is_hidden;
+        white_in_border += is_white && !is_hidden;
+        continue;
+      }
+      const bool wants_white = (wanted >> bit-- & 1) != 0;
+      if (!is_hidden && is_white != wants_white) return false;
+      hidden += is_hidden;
+    }
+  }
+  return hidden <= kHiddenModules && hidden_in_border <= kHiddenInBorder && white_in_border <= kWhiteInBorder;
+}
+
+/// Whether what a reflection leaves of a square is this code.
+bool shows_partly(const cv::Mat& image, const Corners& corners, std::uint16_t wanted) {
+  std::array<std::uint8_t, kWithMargin * kWithMargin * kSamples * kSamples> samples;
+  sample_modules(image, corners, 1, 1, samples);
+  auto sorted = samples;
+  std::sort(sorted.begin(), sorted.end());
+  const int ink = sorted[sorted.size() / 8];
+  // How much of the marker and its margin is paper that nothing is reflected by is not known: its level is tried at
+  // several shares.
+  for (const std::size_t share : {6U, 7U, 8U, 9U, 10U, 12U}) {
+    const int paper = sorted[sorted.size() * share / 16];
+    if (paper - ink < 3 * kMinContrast) continue;
+    const double middle = 0.5 * (ink + paper), brighter = paper + kReflected * (paper - ink);
+    if (agrees(read_lit(samples, middle, brighter), wanted)) return true;
+  }
+  return false;
 }
 
 Vec2f centre(const FoundMarker& marker) {
@@ -209,6 +287,18 @@ bool MarkerDetector::confirm(const ImageView& image, const std::array<Vec2f, 4>&
     return code && std::any_of(workspace_->codes.begin(), workspace_->codes.end(), [&](const KnownCode& known) {
              return known.id == id && known.first == 0 && known.code == *code;
            });
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
+bool MarkerDetector::confirm_partly(const ImageView& image, const std::array<Vec2f, 4>& corners_px, int id) const {
+  Corners corners;
+  for (std::size_t k = 0; k < 4; ++k) corners[k] = {corners_px[k].x(), corners_px[k].y()};
+  try {
+    return std::any_of(workspace_->codes.begin(), workspace_->codes.end(), [&](const KnownCode& known) {
+      return known.id == id && known.first == 0 && shows_partly(mat_of(image), corners, known.code);
+    });
   } catch (const std::exception&) {
     return false;
   }

@@ -50,6 +50,10 @@ class MarkerDetector {
   /// OpenCV does.
   bool confirm(const ImageView& image, const std::array<Vec2f, 4>& corners_px, int id) const;
 
+  /// The same for a marker that reflections may hide in part: what is brighter than its paper tells nothing. Up to five
+  /// of the sixteen modules and half of the border may be hidden; all others must be right.
+  bool confirm_partly(const ImageView& image, const std::array<Vec2f, 4>& corners_px, int id) const;
+
   /// Squares whose codes the last find() read; at most limits.squares.
   int squares_read() const { return squares_read_; }
 

@@ -68,8 +68,7 @@ MarkerStage::MarkerStage(const MountModel& mount, const Lens& camera) : camera_(
 
 const MarkerCorners& MarkerStage::find(const Frame& frame) {
   corners_.seen.fill(false);
-  if (!frame.grey || frame.width_px != camera_.width_px || frame.height_px != camera_.height_px ||
-      frame.stride_bytes < frame.width_px) {
+  if (!is_of_camera(frame)) {
     missed_.fill(kNotFollowed);
     return corners_;
   }
@@ -88,6 +87,11 @@ const MarkerCorners& MarkerStage::find(const Frame& frame) {
   }
   for (std::size_t p = 0; p < kPlates; ++p) missed_[p] = corners_.seen[p] ? 0 : std::min(missed_[p] + 1, kNotFollowed);
   return corners_;
+}
+
+bool MarkerStage::is_of_camera(const Frame& frame) const {
+  return frame.grey && frame.width_px == camera_.width_px && frame.height_px == camera_.height_px &&
+         frame.stride_bytes >= frame.width_px;
 }
 
 // Each window is asked for its own marker only, so a neighbour that reaches into it cannot count as a second one.
@@ -109,7 +113,8 @@ void MarkerStage::follow(const ImageView& image) {
     const int bottom = std::min(image.height_px, static_cast<int>(high.y() + margin) + 1);
     const ImageView window{image.at(left, top), right - left, bottom - top, image.stride_bytes, image.coding};
     const Vec2f offset(static_cast<float>(left), static_cast<float>(top));
-    corners_.seen[p] = take(image, detector_.find(window, shrink_for(shortest_px), sides_), offset, p);
+    corners_.seen[p] =
+        take(image, detector_.find(window, shrink_for(shortest_px), sides_), offset, p) || take_at(image, p, corners);
   }
 }
 
@@ -131,9 +136,28 @@ bool MarkerStage::take(const ImageView& image, const std::vector<FoundMarker>& f
   if (!only) return false;
   std::array<Vec2f, 4> corners = only->corners_px;
   for (Vec2f& corner : corners) corner += offset;
-  if (!refine_corners(image, camera_, corners)) return false;
-  if (!detector_.confirm(image, corners, marker_id_[plate])) return false;
+  const std::optional<EdgeQuality> edges = refine_corners(image, camera_, corners);
+  if (!edges || !detector_.confirm(image, corners, marker_id_[plate])) return false;
   corners_.corners_px[plate] = corners;
+  edges_[plate] = *edges;
+  return true;
+}
+
+bool MarkerStage::find_at(const Frame& frame, std::size_t plate, const std::array<Vec2f, 4>& expected_px) {
+  const ImageView image{frame.grey, frame.width_px, frame.height_px, frame.stride_bytes, frame.coding};
+  if (corners_.seen[plate] || !is_of_camera(frame) || !take_at(image, plate, expected_px)) return false;
+  corners_.seen[plate] = true;
+  missed_[plate] = 0;
+  return true;
+}
+
+/// Where the search sees no square, because a reflection breaks its outline or code, but corners are expected.
+bool MarkerStage::take_at(const ImageView& image, std::size_t plate, const std::array<Vec2f, 4>& expected_px) {
+  std::array<Vec2f, 4> corners = expected_px;
+  const std::optional<EdgeQuality> edges = refine_corners(image, camera_, corners);
+  if (!edges || !detector_.confirm_partly(image, corners, marker_id_[plate])) return false;
+  corners_.corners_px[plate] = corners;
+  edges_[plate] = *edges;
   return true;
 }
 

@@ -5,24 +5,31 @@
 #include "firmware/vision/image_check.h"
 #include "firmware/vision/marker_stage.h"
 #include "firmware/vision/pose_stage.h"
+#include "firmware/vision/rolling_shutter.h"
 
 namespace finsight {
 
 class Observer {
  public:
   /// Throws InputError for an impossible lens, mount or prior.
-  Observer(const MountModel& mount, const PlatePrior& prior, const Lens& lens)
-      : markers_(mount, in_single_precision(lens)), poses_(mount, prior, in_single_precision(lens)) {}
+  /// `readout_ns`: see RollingShutter.
+  Observer(const MountModel& mount, const PlatePrior& prior, const Lens& lens, std::int64_t readout_ns = 0)
+      : shutter_(readout_ns),
+        markers_(mount, in_single_precision(lens)),
+        poses_(mount, prior, in_single_precision(lens)) {}
 
   /// What the frame shows. Poses are motions from the model's rest; invalid in an image that repeats an earlier one.
   /// `zero` is where the rigid motion of the whole finger, if all plates are seen, is counted from. Allocates (OpenCV
   /// does), never throws.
   Observation observe(const Frame& frame, const ZeroPose& zero);
-  /// Those of the last image that did not repeat an earlier one.
+  /// Those of the last image that did not repeat an earlier one, as they are in it.
   const MarkerCorners& corners() const { return markers_.last(); }
 
  private:
+  bool look_again(const Frame& frame, const std::array<bool, kPlates>& seen);
+
   ImageCheck check_;
+  RollingShutter shutter_;
   MarkerStage markers_;
   PoseStage poses_;
 };

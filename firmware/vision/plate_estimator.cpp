@@ -80,7 +80,7 @@ bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const
   const Vector3d d = motion.segment<3>(6 * static_cast<int>(plate));
   const Vector3d w = motion.segment<3>(6 * static_cast<int>(plate) + 3);
   const Matrix3d R = so3_exp(w), left_jacobian = so3_left_jacobian(w);
-  const double scale = focal_px_ / sight.corner_sigma_px;
+  const double scale = focal_px_ / (sight.corner_sigma_px * sight.scatter[plate]);
   information.setZero();
   gradient.setZero();
   for (std::size_t k = 0; k < 4; ++k) {
@@ -133,6 +133,13 @@ PlateEstimator::Vector PlateEstimator::estimate(PlateSight& sight, const Vector&
   return motion;
 }
 
+Vector3d PlateEstimator::corner_in_camera(std::size_t plate, std::size_t corner, const Vector& motion) const {
+  const int first = 6 * static_cast<int>(plate);
+  const Vector3d d = motion.segment<3>(first);
+  const Matrix3d R = so3_exp(motion.segment<3>(first + 3));
+  return T_camera_finger_ * (R * rest_[plate].corner[corner] + rest_[plate].centre + d);
+}
+
 // Where a plate's corners are seen, and how far from where they should be; false behind the camera.
 bool PlateEstimator::reproject(const PlateSight& sight, std::size_t plate, const Vector& motion,
                                std::array<double, 4>& distance_px) const {
@@ -162,7 +169,8 @@ double PlateEstimator::cost(const PlateSight& sight, const Vector& motion) const
     std::array<double, 4> distance_px;
     if (!reproject(sight, p, motion, distance_px)) return std::numeric_limits<double>::infinity();
     for (const double distance : distance_px) {
-      sum += 2 * kScaleSq * (std::sqrt(1 + std::pow(distance / sight.corner_sigma_px, 2) / kScaleSq) - 1);
+      sum += 2 * kScaleSq *
+             (std::sqrt(1 + std::pow(distance / (sight.corner_sigma_px * sight.scatter[p]), 2) / kScaleSq) - 1);
     }
   }
   return sum;
@@ -195,6 +203,15 @@ std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const 
     noise[p] = static_cast<float>(std::sqrt(ratio_sq.segment<6>(6 * static_cast<int>(p)).mean()));
   }
   return noise;
+}
+
+Eigen::Matrix<double, 6, 6> PlateEstimator::covariance_of_corners(const PlateSight& sight, std::size_t plate,
+                                                                  const Vector& motion) const {
+  Matrix6 information;
+  Vector6 gradient;
+  double residual_sq = 0;
+  if (!add_plate(sight, plate, motion, information, gradient, residual_sq)) information.setZero();
+  return information.inverse();
 }
 
 double PlateEstimator::distance_from_prior(std::size_t plate, const Vector& motion) const {

@@ -16,6 +16,7 @@ struct PlateSight {
   std::array<bool, kPlates> seen{};
   std::array<MarkerRays, kPlates> rays;
   double corner_sigma_px = kCornerSigmaPx;
+  std::array<double, kPlates> scatter = {1, 1, 1};  ///< of each marker's corners, relative to corner_sigma_px
 };
 
 /// Maximises p(corners | motions) p(motions): motions follow the pack's Gaussian, corners a distribution that is normal
@@ -39,6 +40,10 @@ class PlateEstimator {
   /// Standard deviations at the estimate, from the inverse of the normal equations: per plate the RMS of its six over
   /// those of the pack (PlatePrior::noise).
   std::array<float, kPlates> noise(const PlateSight& sight, const Vector& motion) const;
+  /// Covariance of one seen plate's six numbers by its own corners alone, without the prior. Not finite where they do
+  /// not tell.
+  Eigen::Matrix<double, 6, 6> covariance_of_corners(const PlateSight& sight, std::size_t plate,
+                                                    const Vector& motion) const;
   /// Twice the negative log probability, without its constant; infinite if a corner is not in front of the camera.
   double cost(const PlateSight& sight, const Vector& motion) const;
   /// RMS distance of a seen plate's four corners from where `motion` puts them; infinite behind the camera.
@@ -46,6 +51,8 @@ class PlateEstimator {
   /// Mahalanobis distance of one plate's motion from the prior, whatever the other plates do, with 3 mm and 0.15 rad of
   /// slack: fingers are also shaken and pushed from sides that the prior's fingers never were.
   double distance_from_prior(std::size_t plate, const Vector& motion) const;
+  /// Where a marker's corner is in the camera frame after this motion.
+  Eigen::Vector3d corner_in_camera(std::size_t plate, std::size_t corner, const Vector& motion) const;
   /// A plate's displacement and rotation vector if its marker is at this place.
   Eigen::Matrix<double, 6, 1> motion(std::size_t plate, const Eigen::Isometry3d& T_camera_marker) const;
 

@@ -1,6 +1,7 @@
 #include "firmware/vision/pose_stage.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "firmware/model/plate_prior.h"
@@ -12,6 +13,11 @@ constexpr double kLargestReprojectionPx = 3;
 constexpr double kFarthestSigmas = 6;  // from the prior with its slack
 // From IPPE's pose Gauss-Newton converges quadratically: after five steps the motions stand still to 1e-9.
 constexpr int kSteps = 5;
+
+/// Of corners, relative to kCornerSigmaPx: what the pictures' noise adds to what is expected of any picture.
+double scatter_of(const EdgeQuality& edges) {
+  return std::hypot(1.0, static_cast<double>(edges.scatter_px) / kCornerSigmaPx);
+}
 
 const Lens& checked(const Lens& camera) {
   check_lens(camera);
@@ -26,10 +32,11 @@ PoseStage::PoseStage(const MountModel& mount, const PlatePrior& prior, const Len
       prior_(prior),
       estimator_(mount, prior, camera.fx),
       rigid_motion_(mount, camera.fx),
-      method_(method) {}
+      method_(method),
+      turning_radius_sq_(turning_radius_sq(camera)) {}
 
-const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {
-  unproject_corners(corners);
+const PlatePoses& PoseStage::estimate(const MarkerCorners& corners, const std::array<EdgeQuality, kPlates>& edges) {
+  unproject_corners(corners, edges);
   poses_ = PlatePoses{};
   // A plate in an impossible place pulls the others along, so the worst one is left out and the rest estimated again.
   Vector motion;
@@ -38,6 +45,7 @@ const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {
     motion = method_ == PoseMethod::kJoint ? estimate_jointly() : estimate_one_by_one();
   } while (drop_worst(motion));
 
+  motion_ = motion;
   poses_.seen = sight_.seen;
   poses_.quality = Quality::kFresh;
   for (std::size_t p = 0; p < kPlates; ++p) {
@@ -56,11 +64,23 @@ const PlatePoses& PoseStage::estimate(const MarkerCorners& corners) {
   return poses_;
 }
 
+std::optional<std::array<Vec2f, 4>> PoseStage::expected_corners(std::size_t plate) const {
+  std::array<Vec2f, 4> corners;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d seen = estimator_.corner_in_camera(plate, k, motion_);
+    const Eigen::Vector2d ray = seen.head<2>() / seen.z();
+    if (!(seen.z() > 0 && ray.squaredNorm() < turning_radius_sq_)) return std::nullopt;
+    corners[k] = pixel_from_ray(camera_, ray).cast<float>();
+  }
+  return corners;
+}
+
 // Corners -> lines of sight -> the two poses of each square.
-void PoseStage::unproject_corners(const MarkerCorners& corners) {
+void PoseStage::unproject_corners(const MarkerCorners& corners, const std::array<EdgeQuality, kPlates>& edges) {
   for (std::size_t p = 0; p < kPlates; ++p) {
     sight_.seen[p] = false;
     if (!corners.seen[p]) continue;
+    sight_.scatter[p] = scatter_of(edges[p]);
     for (std::size_t k = 0; k < 4; ++k) {
       sight_.rays[p][k] = ray_from_pixel(camera_, corners.corners_px[p][k].cast<double>());
     }

@@ -12,6 +12,7 @@ void add_dataset_command(CLI::App& app);
 void add_merge_command(CLI::App& app);  // in dataset_command.cpp
 void add_build_command(CLI::App& app);
 void add_inspect_command(CLI::App& app);
+void add_camera_command(CLI::App& app);
 void add_render_command(CLI::App& app);
 void add_figure_command(CLI::App& app);
 void add_plc_command(CLI::App& app);

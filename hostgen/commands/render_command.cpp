@@ -29,7 +29,7 @@ constexpr int kFramesPerSecond = 60;
 struct Options {
   fs::path spec, output;
   std::string size = "640x480", preset = "lab", coding = "linear", motion = "wander", event = "none";
-  double seconds = 12;
+  double seconds = 12, readout_ms = 0;
   std::uint64_t seed = 1;
 };
 
@@ -79,17 +79,18 @@ class PendingFolder {
 };
 
 SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options& options) {
-  SessionInfo info{.lens = lens,
-                   .frames_per_second = kFramesPerSecond,
-                   .marker_dictionary = "DICT_4X4_50",
-                   .marker_id = {},
-                   .marker_size_mm = spec.marker_size_mm,
-                   .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " +
-                                  options.motion + ", event " + options.event + ", seed " +
-                                  std::to_string(options.seed),
-                   .gravity_g = Vec3f(0, 0, 0),  // what is rendered has no weight
-                   .coding = options.coding == "srgb" ? Coding::kSrgb : Coding::kLinear,
-                   .from_rest = true};
+  SessionInfo info{
+      .lens = lens,
+      .frames_per_second = kFramesPerSecond,
+      .marker_dictionary = "DICT_4X4_50",
+      .marker_id = {},
+      .marker_size_mm = spec.marker_size_mm,
+      .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " + options.motion +
+                     ", event " + options.event + ", seed " + std::to_string(options.seed),
+      .gravity_g = Vec3f(0, 0, 0),  // what is rendered has no weight
+      .coding = options.coding == "srgb" || image_preset(options.preset).srgb ? Coding::kSrgb : Coding::kLinear,
+      .readout_ms = options.readout_ms,
+      .from_rest = true};
   for (int plate = 0; plate < kPlates; ++plate) info.marker_id[plate] = spec.plates[plate].marker_id;
   return info;
 }
@@ -134,7 +135,8 @@ std::string truth_csv(const std::vector<FemState>& states) {
 void write_images(const fs::path& file, const FingerSpec& spec, const Lens& camera, const std::vector<FemState>& states,
                   const Options& options) {
   ImageQuality quality = image_preset(options.preset);
-  quality.srgb = options.coding == "srgb";
+  quality.srgb |= options.coding == "srgb";
+  quality.readout_s = options.readout_ms / 1000;
   Renderer renderer(spec, camera, quality, 2 * options.seed + 1);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px,
                           value_of(session_events(), options.event));
@@ -143,7 +145,7 @@ void write_images(const fs::path& file, const FingerSpec& spec, const Lens& came
   std::vector<std::uint8_t> grey;
   for (std::size_t frame = 0; frame < states.size(); ++frame) {
     if (interrupted()) throw Interrupted();
-    if (!scenes.is_frozen(frame)) renderer.render(scenes.exposure(frame), grey);
+    if (!scenes.is_frozen(frame)) render_frame(renderer, scenes, frame, quality.readout_s, grey);
     writer.write(grey.data());
     progress.advance();
   }
@@ -195,6 +197,11 @@ void add_render_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--preset", options->preset, "quality of the images")
       ->check(CLI::IsMember(image_presets()))
+      ->capture_default_str();
+  command
+      ->add_option("--readout-ms", options->readout_ms,
+                   "rows are exposed one after the other, the last one this much later than the first")
+      ->check(CLI::Range(0.0, 50.0))
       ->capture_default_str();
   command->add_option("--motion", options->motion, "how the touch moves over the face")
       ->check(CLI::IsMember(names_of(touch_paths())))

@@ -54,6 +54,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     return {{"page", read_figures(options.page)}};
   }
   if (area == "vision") return measure_vision(model, read_finger_spec(options.spec), options.folder, options.quick);
+  if (area == "pictures") return measure_pictures(model, read_finger_spec(options.spec), options.quick);
   if (area == "scene") return measure_scenes(model, read_finger_spec(options.spec), options.folder, options.quick);
   if (area == "force") return measure_force(read_finger_spec(options.spec), options.folder, options.quick);
   if (area == "real") return measure_real(model, options.recordings, options.folder, options.quick);

@@ -1,18 +1,18 @@
 #include "hostgen/render/image_effects.h"
 
+#include <turbojpeg.h>
+
 #include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
-#include <numbers>
+#include <stdexcept>
 
 namespace finsight::host {
 
 namespace {
 
 constexpr double kReferenceWidthPx = 640;
-using Block = Eigen::Matrix<float, 8, 8>;
 
 /// Calls `change(pixel, share)` for the pixels around a point, with a share that falls off like a Gaussian.
 void blob(int width_px, int height_px, const Eigen::Vector2d& at_px, double sigma_px,
@@ -25,32 +25,6 @@ void blob(int width_px, int height_px, const Eigen::Vector2d& at_px, double sigm
       change(static_cast<std::size_t>(row) * width_px + column, std::exp(-0.5 * distance_sq / (sigma_px * sigma_px)));
     }
   }
-}
-
-/// Row k: the k-th cosine over eight pixels; its inverse is its transpose.
-Block cosines() {
-  Block result;
-  for (int k = 0; k < 8; ++k) {
-    for (int x = 0; x < 8; ++x) {
-      result(k, x) =
-          static_cast<float>((k == 0 ? std::sqrt(0.125) : 0.5) * std::cos((2 * x + 1) * k * std::numbers::pi / 16));
-    }
-  }
-  return result;
-}
-
-Block rounding_steps(int quality) {
-  constexpr std::array<int, 64> kLuminance = {16, 11, 10, 16, 24,  40,  51,  61,  12, 12, 14, 19, 26,  58,  60,  55,
-                                              14, 13, 16, 24, 40,  57,  69,  56,  14, 17, 22, 29, 51,  87,  80,  62,
-                                              18, 22, 37, 56, 68,  109, 103, 77,  24, 35, 55, 64, 81,  104, 113, 92,
-                                              49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99};
-  const int scale = quality < 50 ? 5000 / quality : 200 - 2 * quality;
-  Block steps;
-  for (int i = 0; i < 64; ++i) {
-    steps(i / 8, i % 8) =
-        static_cast<float>(std::clamp((kLuminance[static_cast<std::size_t>(i)] * scale + 50) / 100, 1, 255));
-  }
-  return steps;
 }
 
 }  // namespace
@@ -83,25 +57,23 @@ ImageFilm::ImageFilm(const ImageQuality& quality, int width_px, int height_px, R
   }
 }
 
-void compress_like_jpeg(std::vector<std::uint8_t>& grey, int width_px, int height_px, int quality) {
-  static const Block cosine = cosines();
-  const Block steps = rounding_steps(quality);
-  Block block;
-  for (int top = 0; top + 8 <= height_px; top += 8) {
-    for (int left = 0; left + 8 <= width_px; left += 8) {
-      std::uint8_t* corner = &grey[static_cast<std::size_t>(top) * width_px + left];
-      for (int y = 0; y < 8; ++y) {
-        for (int x = 0; x < 8; ++x) block(y, x) = static_cast<float>(corner[y * width_px + x]) - 128;
-      }
-      const Block coefficients = cosine * block * cosine.transpose();
-      const Block rounded = (coefficients.array() / steps.array()).round() * steps.array();
-      block = cosine.transpose() * rounded * cosine;
-      for (int y = 0; y < 8; ++y) {
-        for (int x = 0; x < 8; ++x) {
-          corner[y * width_px + x] = static_cast<std::uint8_t>(std::clamp(block(y, x) + 128.5F, 0.0F, 255.0F));
-        }
-      }
+void through_jpeg(std::vector<std::uint8_t>& grey, int width_px, int height_px, int quality) {
+  struct Handles {
+    tjhandle compressor = tjInitCompress(), decompressor = tjInitDecompress();
+    unsigned char* bytes = nullptr;
+    ~Handles() {
+      tjFree(bytes);
+      if (compressor) tjDestroy(compressor);
+      if (decompressor) tjDestroy(decompressor);
     }
+  } jpeg;
+  unsigned long size = 0;
+  if (!jpeg.compressor || !jpeg.decompressor ||
+      tjCompress2(jpeg.compressor, grey.data(), width_px, 0, height_px, TJPF_GRAY, &jpeg.bytes, &size, TJSAMP_GRAY,
+                  quality, TJFLAG_ACCURATEDCT) != 0 ||
+      tjDecompress2(jpeg.decompressor, jpeg.bytes, size, grey.data(), width_px, 0, height_px, TJPF_GRAY,
+                    TJFLAG_ACCURATEDCT) != 0) {
+    throw std::runtime_error("libjpeg-turbo cannot compress a picture");
   }
 }
 

@@ -17,9 +17,8 @@ struct ImageFilm {
   ImageFilm(const ImageQuality& quality, int width_px, int height_px, Random& random);
 };
 
-/// Rounds the cosine coefficients of every block of 8 x 8 pixels to steps of JPEG's luminance table (ITU T.81, table
-/// K.1) at this quality, 1 ... 100, as libjpeg scales it. Incomplete blocks at the right and lower edges stay as they
-/// are.
-void compress_like_jpeg(std::vector<std::uint8_t>& grey, int width_px, int height_px, int quality);
+/// Compresses the image as an MJPEG camera does, at this quality, 1 ... 100, and decodes it again, both by
+/// libjpeg-turbo. Throws std::runtime_error.
+void through_jpeg(std::vector<std::uint8_t>& grey, int width_px, int height_px, int quality);
 
 }  // namespace finsight::host

@@ -49,6 +49,17 @@ std::vector<float> blur_weights(double sigma_px) {
   return result;
 }
 
+/// Where the eye sees a print that is bent about its y axis, given where it would see a flat one. The print's middle
+/// stands on the plate and its sides bend away from the eye.
+Eigen::Vector2f on_bent_print(const Eigen::Vector3f& eye, const Eigen::Vector2f& flat_mm, float bend_per_mm) {
+  Eigen::Vector2f seen_mm = flat_mm;
+  for (int step = 0; step < 2; ++step) {
+    const float height_mm = -0.5F * bend_per_mm * std::min(seen_mm.x() * seen_mm.x(), 100.0F);
+    seen_mm = flat_mm + (eye.head<2>() - flat_mm) * (height_mm / eye.z());
+  }
+  return seen_mm;
+}
+
 }  // namespace
 
 /// Which area of the face holds each point (u right, v up, from the marker's centre; finite). Without branches, so that
@@ -80,7 +91,7 @@ Renderer::Renderer(const FingerSpec& spec, const Lens& lens, const ImageQuality&
     Face& face = faces_[plate];
     face.half_width_mm = half_mm.x();
     face.half_height_mm = half_mm.y();
-    face.module_mm = static_cast<float>(spec.marker_size_mm / 6);
+    face.module_mm = static_cast<float>(quality.print_scale * spec.marker_size_mm / 6);
     face.tone.fill(static_cast<float>(quality.white));
     face.tone[kOutside] = 0;
     face.tone[kPlateArea] = static_cast<float>(quality.plate);
@@ -92,6 +103,7 @@ Renderer::Renderer(const FingerSpec& spec, const Lens& lens, const ImageQuality&
   }
   prepare_rays();
   prepare_light(noise_);
+  if (quality.clutter > 0) add_clutter(noise_);
   noise_table_.resize(kNoiseTable + static_cast<std::size_t>(lens_.width_px));
   for (std::size_t i = 0; i < noise_table_.size(); ++i) {
     noise_table_[i] = i < kNoiseTable ? static_cast<float>(noise_.normal()) : noise_table_[i - kNoiseTable];
@@ -140,6 +152,40 @@ void Renderer::prepare_light(Random& random) {
   }
 }
 
+/// Bright and dark boxes and markers of other ids, turned anyhow, all over the background.
+void Renderer::add_clutter(Random& random) {
+  const double scale = lens_.width_px / 640.0;
+  for (int thing = 0; thing < quality_.clutter; ++thing) {
+    std::size_t id = 0;
+    do {
+      id = random.index(kDictionaryMarkers);
+    } while (std::any_of(spec_.plates.begin(), spec_.plates.end(),
+                         [&](const PlateSpec& plate) { return plate.marker_id == static_cast<int>(id); }));
+    const std::array<std::uint8_t, 36> modules = marker_modules(static_cast<int>(id));
+    const bool is_marker = thing % 3 == 0;
+    const double side_px = scale * random.uniform(25, 70), angle = random.uniform(0, 2 * std::numbers::pi);
+    const double centre_x = random.uniform(0, lens_.width_px), centre_y = random.uniform(0, lens_.height_px);
+    const double tone = random.uniform(quality_.black, quality_.white);
+    const int reach = static_cast<int>(side_px);
+    for (int y = std::max(0, static_cast<int>(centre_y) - reach);
+         y < std::min(lens_.height_px, static_cast<int>(centre_y) + reach); ++y) {
+      for (int x = std::max(0, static_cast<int>(centre_x) - reach);
+           x < std::min(lens_.width_px, static_cast<int>(centre_x) + reach); ++x) {
+        const double along = ((x - centre_x) * std::cos(angle) + (y - centre_y) * std::sin(angle)) / side_px + 0.5;
+        const double across = ((y - centre_y) * std::cos(angle) - (x - centre_x) * std::sin(angle)) / side_px + 0.5;
+        if (!(along >= 0 && along < 1 && across >= 0 && across < 1)) continue;
+        const int column = static_cast<int>(8 * along) - 1, row = static_cast<int>(8 * across) - 1;
+        const bool on_code = column >= 0 && column < 6 && row >= 0 && row < 6;
+        const bool dark = on_code && modules[static_cast<std::size_t>(row * 6 + column)] == 0;
+        const double level = is_marker ? (dark ? quality_.black : quality_.white) : tone;
+        const std::size_t pixel =
+            static_cast<std::size_t>(y) * static_cast<std::size_t>(lens_.width_px) + static_cast<std::size_t>(x);
+        background_[pixel] = light_[pixel] * static_cast<float>(level);
+      }
+    }
+  }
+}
+
 void Renderer::render(const std::array<PlateMotion, kPlates>& plates, std::vector<std::uint8_t>& grey) {
   const Scene still{.plates = plates};
   render({&still, 1}, grey);
@@ -147,18 +193,42 @@ void Renderer::render(const std::array<PlateMotion, kPlates>& plates, std::vecto
 
 void Renderer::render(std::span<const Scene> exposure, std::vector<std::uint8_t>& grey) {
   exposed_.assign(background_.size(), 0);
+  expose(exposure, 0, lens_.height_px);
+  finish(exposure[0].light, grey);
+}
+
+void Renderer::render_rolling(const ExposureAt& exposure, std::vector<std::uint8_t>& grey) {
+  constexpr int kBand = 8;
+  exposed_.assign(background_.size(), 0);
+  float light = 1;
+  for (int row = 0; row < lens_.height_px; row += kBand) {
+    const double after_middle_s = quality_.readout_s * ((row + 0.5 * kBand) / lens_.height_px - 0.5);
+    const std::vector<Scene> scenes = exposure(after_middle_s);
+    light = scenes[0].light;
+    expose(scenes, row, std::min(row + kBand, lens_.height_px));
+  }
+  finish(light, grey);
+}
+
+/// Adds the scenes' mean to these rows of exposed_.
+void Renderer::expose(std::span<const Scene> exposure, int first_row, int last_row) {
+  first_row_ = first_row;
+  last_row_ = last_row;
+  image_.resize(background_.size());
+  const std::size_t width = static_cast<std::size_t>(lens_.width_px);
   const float part = 1 / static_cast<float>(exposure.size());
   for (const Scene& scene : exposure) {
     draw(scene);
-    for (std::size_t i = 0; i < exposed_.size(); ++i) exposed_[i] += part * scene.light * image_[i];
+    for (std::size_t i = first_row * width; i < last_row * width; ++i) exposed_[i] += part * scene.light * image_[i];
   }
+}
+
+void Renderer::finish(float light, std::vector<std::uint8_t>& grey) {
   image_.swap(exposed_);
   for (std::size_t i = 0; i < film_.transmission.size(); ++i) image_[i] *= film_.transmission[i];
-  for (std::size_t i = 0; i < film_.glare.size(); ++i) image_[i] += exposure[0].light * film_.glare[i];
+  for (std::size_t i = 0; i < film_.glare.size(); ++i) image_[i] += light * film_.glare[i];
   quantise(grey);
-  if (quality_.jpeg_quality < 100) {
-    compress_like_jpeg(grey, lens_.width_px, lens_.height_px, quality_.jpeg_quality);
-  }
+  if (quality_.jpeg_quality < 100) through_jpeg(grey, lens_.width_px, lens_.height_px, quality_.jpeg_quality);
 }
 
 void Renderer::draw(const Scene& scene) {
@@ -166,12 +236,17 @@ void Renderer::draw(const Scene& scene) {
   std::array<int, kPlates> order{};
   for (int plate = 0; plate < kPlates; ++plate) {
     marker[plate] = scene.knock * T_camera_marker(spec_, static_cast<std::size_t>(plate), scene.plates[plate]);
+    if (quality_.print_tilt_rad != 0) {
+      marker[plate].rotate(Eigen::AngleAxisd(quality_.print_tilt_rad, Eigen::Vector3d::UnitX()));
+    }
     order[plate] = plate;
   }
   // From far to near: what is nearer covers what is behind it.
   std::sort(order.begin(), order.end(),
             [&](int a, int b) { return marker[a].translation().z() > marker[b].translation().z(); });
-  image_ = background_;
+  const std::ptrdiff_t first = std::ptrdiff_t{first_row_} * lens_.width_px,
+                       last = std::ptrdiff_t{last_row_} * lens_.width_px;
+  std::copy(background_.begin() + first, background_.begin() + last, image_.begin() + first);
   for (const int plate : order) {
     if (scene.covered[plate]) continue;
     Face face = faces_[plate];
@@ -216,7 +291,10 @@ void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_ma
   const Eigen::Vector3d place = T_camera_marker.translation();
   const bool seen_from_below = T_camera_marker.linear().col(2).dot(place) < 0;
   sharpness_at(place.z(), further_blur_px);
-  const Box box = bounds(face, T_camera_marker);
+  Box box = bounds(face, T_camera_marker);
+  const int margin = static_cast<int>(blur_weights_.size());
+  box.first_y = std::max(box.first_y, first_row_ - margin);
+  box.last_y = std::min(box.last_y, last_row_ + margin);
   if (!seen_from_below || box.width() <= 0 || box.height() <= 0) return;
   const std::size_t pixels = static_cast<std::size_t>(box.width()) * static_cast<std::size_t>(box.height());
   cover_.assign(pixels, 0);
@@ -226,12 +304,15 @@ void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_ma
   Eigen::Matrix3d face_to_ray = T_camera_marker.linear();
   face_to_ray.col(2) = place;
   const Eigen::Matrix3f ray_to_face = face_to_ray.inverse().cast<float>();
+  const Eigen::Vector3f eye = (T_camera_marker.inverse() * Eigen::Vector3d::Zero()).cast<float>();
+  const auto bend_per_mm = static_cast<float>(quality_.print_bend_per_mm);
   const auto see_row = [&](int y, std::vector<Eigen::Vector2f>& row_mm) {
     const Eigen::Vector2f* rays = &corner_ray_[static_cast<std::size_t>(y) * (lens_.width_px + 1)];
     for (int x = box.first_x; x <= box.last_x; ++x) {
       const Eigen::Vector3f point = ray_to_face * rays[x].homogeneous();
       const bool ahead = point.z() > kFarthestInverse;  // false for NaN, where the lens has no ray
       row_mm[x] = ahead ? Eigen::Vector2f(point.head<2>() / point.z()) : Eigen::Vector2f::Constant(kFarMm);
+      if (bend_per_mm != 0 && ahead) row_mm[x] = on_bent_print(eye, row_mm[x], bend_per_mm);
     }
   };
   see_row(box.first_y, lower_mm_);
@@ -239,11 +320,16 @@ void Renderer::draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_ma
     std::swap(upper_mm_, lower_mm_);
     see_row(y + 1, lower_mm_);
     draw_row(face, box, y);
+    if (quality_.gloss > 0) add_reflection(T_camera_marker, box, y);
   }
 
   blur_layer(box, cover_);
   blur_layer(box, tone_);
   for (int y = box.first_y, i = 0; y < box.last_y; ++y) {
+    if (y < first_row_ || y >= last_row_) {
+      i += box.width();
+      continue;
+    }
     const std::size_t row = static_cast<std::size_t>(y) * lens_.width_px;
     for (int x = box.first_x; x < box.last_x; ++x, ++i) {
       image_[row + x] = image_[row + x] * (1 - cover_[i]) + tone_[i] * light_[row + x];
@@ -285,6 +371,29 @@ void Renderer::draw_row(const Face& face, const Box& box, int y) {
     }
     cover_[i] = static_cast<float>(covered) / kSamples;
     tone_[i] = tone / kSamples;
+  }
+}
+
+/// LEDs on one half of a ring around the lens, as paper that is neither dull nor a mirror reflects them: the more, the
+/// nearer its normal comes to the middle between the directions to LED and lens.
+void Renderer::add_reflection(const Eigen::Isometry3d& T_camera_marker, const Box& box, int y) {
+  constexpr int kLeds = 6;
+  constexpr float kRing_mm = 10, kRoughness = 0.03F;
+  const Eigen::Isometry3f pose = T_camera_marker.cast<float>();
+  const Eigen::Vector3f normal = pose.linear().col(2);
+  std::size_t i = static_cast<std::size_t>(y - box.first_y) * static_cast<std::size_t>(box.width());
+  for (int x = box.first_x; x < box.last_x; ++x, ++i) {
+    if (cover_[i] == 0) continue;
+    const Eigen::Vector3f point = pose * Eigen::Vector3f(upper_mm_[x].x(), upper_mm_[x].y(), 0);
+    float reflected = 0;
+    for (int led = 0; led < kLeds; ++led) {
+      const float angle = std::numbers::pi_v<float> * (static_cast<float>(led) + 0.5F) / kLeds;
+      const Eigen::Vector3f source(kRing_mm * std::cos(angle), kRing_mm * std::sin(angle), 0);
+      const float along = normal.dot(((source - point).normalized() - point.normalized()).normalized());
+      if (along <= 0) continue;
+      reflected += std::exp(-(1 / (along * along) - 1) / (kRoughness * kRoughness));
+    }
+    tone_[i] += cover_[i] * static_cast<float>(quality_.gloss) * reflected / kLeds;
   }
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -32,6 +33,10 @@ class Renderer {
   /// seed and call order give the same bytes.
   void render(std::span<const Scene> exposure, std::vector<std::uint8_t>& grey);
   void render(const std::array<PlateMotion, kPlates>& plates, std::vector<std::uint8_t>& grey);
+  /// Of a rolling shutter: every eight rows show their own scenes, which `exposure` gives for the time from the middle
+  /// row's exposure to theirs; the quality's readout_s is that from the first row's to the last's.
+  using ExposureAt = std::function<std::vector<Scene>(double after_middle_s)>;
+  void render_rolling(const ExposureAt& exposure, std::vector<std::uint8_t>& grey);
 
  private:
   /// A plate's lower face, in the marker's frame and in grey levels.
@@ -50,11 +55,15 @@ class Renderer {
 
   void prepare_rays();
   void prepare_light(Random& random);
+  void add_clutter(Random& random);
+  void expose(std::span<const Scene> exposure, int first_row, int last_row);
+  void finish(float light, std::vector<std::uint8_t>& grey);
   void draw(const Scene& scene);
   void sharpness_at(double z_mm, double further_px);
   Box bounds(const Face& face, const Eigen::Isometry3d& T_camera_marker) const;
   void draw_plate(const Face& face, const Eigen::Isometry3d& T_camera_marker, double further_blur_px);
   void draw_row(const Face& face, const Box& box, int y);
+  void add_reflection(const Eigen::Isometry3d& T_camera_marker, const Box& box, int y);
   void blur_layer(const Box& box, std::vector<float>& layer);
   void quantise(std::vector<std::uint8_t>& grey);
 
@@ -72,6 +81,7 @@ class Renderer {
   std::vector<float> blur_weights_;  ///< the centre's, then those of one side; of the plate being drawn
 
   // Workspace of one image
+  int first_row_ = 0, last_row_ = 0;           ///< those that are drawn now
   std::vector<float> image_;                   ///< [height, width] grey levels of one scene
   std::vector<float> exposed_;                 ///< [height, width] their sum over the exposure
   std::vector<float> cover_, tone_, blurred_;  ///< one plate's layer, [box]: share of the pixel, grey level times share

@@ -36,6 +36,7 @@ const std::vector<std::pair<std::string, SessionEvent>>& session_events() {
 SceneMaker::SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s, int width_px,
                        SessionEvent event)
     : states_(states),
+      frames_per_second_(frames_per_second),
       exposure_frames_(exposure_s * frames_per_second),
       width_px_(static_cast<float>(width_px)),
       event_(event) {}
@@ -61,7 +62,7 @@ std::array<PlateMotion, kPlates> SceneMaker::plates_at(double frame) const {
   return plates;
 }
 
-std::vector<Renderer::Scene> SceneMaker::exposure(std::size_t frame) const {
+std::vector<Renderer::Scene> SceneMaker::exposure(std::size_t frame, double after_s) const {
   const double time = static_cast<double>(frame), part = part_of_event(time);
   Renderer::Scene scene;
   if (event_ == SessionEvent::kLightOff && part >= 0) scene.light = kDarkness;
@@ -77,10 +78,16 @@ std::vector<Renderer::Scene> SceneMaker::exposure(std::size_t frame) const {
   std::vector<Renderer::Scene> scenes;
   const int count = exposure_frames_ > 0 ? kScenesPerExposure : 1;
   for (int k = 0; k < count; ++k) {
-    scene.plates = plates_at(time + exposure_frames_ * ((k + 0.5) / count - 0.5));
+    scene.plates = plates_at(time + after_s * frames_per_second_ + exposure_frames_ * ((k + 0.5) / count - 0.5));
     scenes.push_back(scene);
   }
   return scenes;
+}
+
+void render_frame(Renderer& renderer, const SceneMaker& scenes, std::size_t frame, double readout_s,
+                  std::vector<std::uint8_t>& grey) {
+  if (readout_s == 0) return renderer.render(scenes.exposure(frame), grey);
+  renderer.render_rolling([&](double after_middle_s) { return scenes.exposure(frame, after_middle_s); }, grey);
 }
 
 // A beam's swing grows with the square of the height.

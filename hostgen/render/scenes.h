@@ -30,7 +30,8 @@ class SceneMaker {
   /// frame. width_px: of the image.
   SceneMaker(const std::vector<FemState>& states, double frames_per_second, double exposure_s, int width_px,
              SessionEvent event);
-  std::vector<Renderer::Scene> exposure(std::size_t frame) const;
+  /// `after_s`: of rows that are exposed that much later than the middle one.
+  std::vector<Renderer::Scene> exposure(std::size_t frame, double after_s = 0) const;
   /// The camera delivers its last image once more.
   bool is_frozen(std::size_t frame) const;
 
@@ -39,10 +40,14 @@ class SceneMaker {
   double part_of_event(double frame) const;
 
   const std::vector<FemState>& states_;
-  double exposure_frames_;
+  double frames_per_second_, exposure_frames_;
   float width_px_;
   SessionEvent event_;
 };
+
+/// A frame whose rows are read over `readout_s`; 0: all at once.
+void render_frame(Renderer& renderer, const SceneMaker& scenes, std::size_t frame, double readout_s,
+                  std::vector<std::uint8_t>& grey);
 
 /// Makes the finger swing in the middle third of a session, touched or not: at 12 Hz, by up to 3 mm at the top plate.
 void shake(const FingerSpec& spec, double frames_per_second, std::vector<FemState>& states);

@@ -95,7 +95,8 @@ void measure(const FingerSpec& spec, const ImageQuality& quality, int images, co
     if (interrupted()) throw Interrupted();
     const std::array<PlateMotion, kPlates> motions = random_motions(random);
     renderer.render(motions, grey);
-    const ImageView image{grey.data(), lens.width_px, lens.height_px, lens.width_px};
+    const ImageView image{grey.data(), lens.width_px, lens.height_px, lens.width_px,
+                          quality.srgb ? Coding::kSrgb : Coding::kLinear};
     for (std::size_t p = 0; p < kPlates; ++p) {
       const DrawnMarker marker = drawn(spec, lens, p, motions[p]);
       Corners coarse = marker.truth;
@@ -104,7 +105,7 @@ void measure(const FingerSpec& spec, const ImageQuality& quality, int images, co
         corner += (kCoarsePx * Eigen::Vector2d(std::cos(angle), std::sin(angle))).cast<float>();
       }
       Corners edges = coarse;
-      const bool found = refine_corners(image, lens, edges);
+      const bool found = refine_corners(image, lens, edges).has_value();
       take(marker, found ? &edges : nullptr, by_corner_sub_pix(image, coarse));
     }
   }
@@ -168,6 +169,10 @@ json measure_corners(const FingerSpec& spec, bool quick) {
          {&ImageQuality::white, &ImageQuality::black, &ImageQuality::plate, &ImageQuality::background}) {
       quality.*grey *= light;
     }
+  }
+  for (const int jpeg_quality : {60, 75, 90}) {
+    conditions.push_back({"jpeg_quality", jpeg_quality, lab});
+    conditions.back().quality.jpeg_quality = jpeg_quality;
   }
   for (const std::string& preset : image_presets()) conditions.push_back({"preset", preset, image_preset(preset)});
 

@@ -109,6 +109,19 @@ void add_speed_error(const json& rows, std::ostringstream& out) {
       out);
 }
 
+/// Each picture's figures with (`start` "zeroed") or without a zero.
+json picture_rows(const json& pictures, const std::string& start) {
+  json rows = json::array();
+  for (const json& picture : pictures) {
+    json row = picture[start].is_object() ? picture[start] : json::object();
+    row["picture"] = picture["picture"];
+    row["start"] = start;
+    row["zero_frames"] = picture["zero_frames"];
+    rows.push_back(row);
+  }
+  return rows;
+}
+
 }  // namespace
 
 void write_index_html(const std::filesystem::path& folder, const Results& results) {
@@ -177,6 +190,13 @@ void write_index_html(const std::filesystem::path& folder, const Results& result
              "gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "lbfgs_force_n"},
             out);
   out << "<img src=\"contact_forces.svg\" alt=\"objective against time, Gauss-Newton and L-BFGS\">\n";
+  add_section(all, "pictures", "Pictures as cameras make them", out);
+  for (const char* start : {"zeroed", "unzeroed", "mounted"}) {
+    add_table(picture_rows(all.value("pictures", json::array()), start),
+              {"picture", "start", "zero_frames", "firm_touches", "published", "touch_mm", "radius_mm", "coverage_68",
+               "lies", "recall_top", "recall_middle", "recall_low"},
+              out);
+  }
   add_section(all, "vision", "Pixels to registers", out);
   for (const char* preset : {"lab", "factory", "worst"}) {
     out << "<p>Preset " << preset << ", by plate motion (the joint estimate, larger images).</p>\n";

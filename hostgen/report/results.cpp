@@ -46,6 +46,7 @@ constexpr const char* kSkeleton = R"({
     "worst": {"touch_mm_above_4": null, "touch_mm_above_7": null, "false_valid": null, "flips_per_1000": null},
     "frame_ms_p50": null, "frame_ms_p99": null, "why": "area vision was not measured"},
   "modbus": {"read_us_p50": null, "read_us_p99": null, "hostile_worst_ms": null, "why": "area modbus was not measured"},
+  "pictures": [],
   "page": {"loop_cost_us": null, "dropped": null, "why": "area page was not measured"},
   "appliance": {"boot_s": null, "slot_mb": null, "security_score": null, "why": "tests/system/boot measures it; the report does not read that yet"}
 })";
@@ -114,7 +115,7 @@ std::string today() {
 
 const std::vector<std::string>& report_areas() {
   static const std::vector<std::string> areas = {"solver", "fem",    "touch",  "scene", "real",
-                                                 "force",  "vision", "modbus", "page"};
+                                                 "force",  "vision", "modbus", "page",  "pictures"};
   return areas;
 }
 

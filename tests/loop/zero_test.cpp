@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <random>
 
 using namespace finsight;
@@ -79,28 +80,68 @@ TEST_CASE("zero: a finger that is touched or moves meanwhile gets none") {
   CHECK_FALSE(zeroing.zero());
 }
 
-TEST_CASE("zero: a still finger gets one at the noise that a spec states, however often it is asked") {
-  // srm.toml's top plate: 0.010 mm across the line of sight, 0.090 mm along it. A sum of twelve uniform numbers is
-  // nearly normal.
-  std::minstd_rand random(1);
-  const auto normal = [&] {
+namespace {
+
+/// A sum of twelve uniform numbers is nearly normal.
+class Noise {
+ public:
+  float operator()() {
     float sum = -6;
-    for (int i = 0; i < 12; ++i) sum += static_cast<float>(random() - random.min()) / 2147483646.0F;
+    for (int i = 0; i < 12; ++i) sum += static_cast<float>(random_() - random_.min()) / 2147483646.0F;
     return sum;
-  };
-  for (int repeat = 0; repeat < 300; ++repeat) {
-    Zeroing zeroing(3);
-    zeroing.begin();
-    std::optional<bool> done;
-    while (!done) {
-      PlatePoses poses = poses_at(1);
-      for (PlateMotion& plate : poses.plates) {
-        plate.displacement_mm += Vec3f(0.01F * normal(), 0.09F * normal(), 0.01F * normal());
-      }
-      zeroing.apply(poses);
-      done = zeroing.take_outcome();
+  }
+
+ private:
+  std::minstd_rand random_{1};
+};
+
+/// A zero on a finger that moves by `drift_mm` in each frame, seen with this noise along the line of sight (a ninth of
+/// it across).
+bool zero_succeeds(Noise& noise, float depth_mm, float drift_mm, Zeroing& zeroing) {
+  zeroing.begin();
+  for (int frame = 0;; ++frame) {
+    PlatePoses poses = poses_at(0.5F);
+    for (PlateMotion& plate : poses.plates) {
+      plate.displacement_mm += Vec3f(depth_mm / 9 * noise(), depth_mm * noise(), depth_mm / 9 * noise());
+      plate.displacement_mm.z() += drift_mm * static_cast<float>(frame);
     }
-    REQUIRE(*done);
+    zeroing.apply(poses);
+    if (const auto done = zeroing.take_outcome()) return *done;
+  }
+}
+
+}  // namespace
+
+TEST_CASE("zero: a still finger gets one at the noise that a spec states, however often it is asked") {
+  Noise noise;  // srm.toml's top plate: 0.090 mm
+  Zeroing zeroing(3);
+  for (int repeat = 0; repeat < 300; ++repeat) REQUIRE(zero_succeeds(noise, 0.09F, 0, zeroing));
+}
+
+TEST_CASE(
+    "zero: dim pictures are averaged for longer, until the mean is as sure as any other; too dim ones are refused") {
+  Noise noise;
+  Zeroing zeroing(3);
+  int done = 0;
+  double error_sq = 0;
+  for (int repeat = 0; repeat < 100; ++repeat) {
+    if (!zero_succeeds(noise, 0.7F, 0, zeroing)) continue;
+    ++done;
+    for (const PlateMotion& plate : *zeroing.zero()) {
+      error_sq += static_cast<double>((plate.displacement_mm - poses_at(0.5F).plates[0].displacement_mm).squaredNorm());
+    }
+  }
+  CHECK(done >= 97);
+  CHECK(std::sqrt(error_sq / (3 * done)) < 0.07);
+  for (int repeat = 0; repeat < 20; ++repeat) CHECK(!zero_succeeds(noise, 2, 0, zeroing));
+}
+
+TEST_CASE("zero: a finger that drifts is refused at any noise that allows a zero") {
+  Noise noise;
+  Zeroing zeroing(3);
+  for (const float depth_mm : {0.01F, 0.1F, 0.4F}) {
+    CAPTURE(depth_mm);
+    for (int repeat = 0; repeat < 20; ++repeat) CHECK(!zero_succeeds(noise, depth_mm, 0.04F, zeroing));
   }
 }
 
@@ -128,6 +169,7 @@ TEST_CASE("zero: a missing plate is waited for, and not taken for a zero") {
 TEST_CASE("zero: what is further than a touch may be is refused, and so is a zero while no frame comes") {
   Zeroing zeroing(1);  // poses_at(1) is 1.06 mm away
   zeroing.begin();
+  CHECK_FALSE(outcome(zeroing, poses_at(1), Zeroing::kBlock - 1));
   CHECK(outcome(zeroing, poses_at(1), 1) == false);
   zeroing.begin();
   zeroing.cancel();

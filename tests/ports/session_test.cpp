@@ -216,11 +216,13 @@ TEST_CASE("y4m: a cut frame is also detected when it is skipped") {
 
 TEST_CASE("session.toml: what was written is read back to the last bit") {
   const Folder folder;
-  const SessionInfo info = some_info();
+  SessionInfo info = some_info();
+  info.readout_ms = 12.5;
   folder.write(kSessionInfo, session_info_toml(info));
   const SessionInfo back = read_session_info(folder.path);
   CHECK(back.lens == info.lens);
   CHECK(back.frames_per_second == info.frames_per_second);
+  CHECK(back.readout_ms == info.readout_ms);
   CHECK(back.marker_dictionary == info.marker_dictionary);
   CHECK(back.marker_id == info.marker_id);
   CHECK(back.marker_size_mm == info.marker_size_mm);

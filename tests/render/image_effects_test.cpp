@@ -36,7 +36,7 @@ TEST_CASE("image effects: JPEG's rounding changes little at quality 100, more th
   for (const int quality : {100, 90, 50, 5}) {
     CAPTURE(quality);
     auto grey = original;
-    compress_like_jpeg(grey, kWidth, kHeight, quality);
+    through_jpeg(grey, kWidth, kHeight, quality);
     const int difference = largest_difference(grey, original);
     CHECK(difference >= last);
     last = difference;
@@ -44,20 +44,8 @@ TEST_CASE("image effects: JPEG's rounding changes little at quality 100, more th
   }
   CHECK(last > 10);
   std::vector<std::uint8_t> even(kWidth * kHeight, 136);  // 8 above the middle: a whole step of the mean at quality 50
-  compress_like_jpeg(even, kWidth, kHeight, 50);
+  through_jpeg(even, kWidth, kHeight, 50);
   CHECK(std::all_of(even.begin(), even.end(), [](int level) { return level == 136; }));
-}
-
-TEST_CASE("image effects: a block's error does not leave the block, and incomplete blocks at the border stay") {
-  std::vector<std::uint8_t> grey(20 * 20, 100);
-  grey[0] = 255;
-  grey[399] = 255;
-  compress_like_jpeg(grey, 20, 20, 10);
-  CHECK(grey[1] != 100);
-  CHECK(grey[399] == 255);
-  for (int y = 0; y < 20; ++y) {
-    for (int x = 16; x < 20; ++x) CHECK((grey[static_cast<std::size_t>(y) * 20 + x] == 100 || (x == 19 && y == 19)));
-  }
 }
 
 TEST_CASE("image effects: a clean film is empty; reflections only add light, dirt and bars only take it") {
@@ -76,9 +64,9 @@ TEST_CASE("image effects: a clean film is empty; reflections only add light, dir
   CHECK(*most == 1);
 }
 
-TEST_CASE("image presets: three have names, each is worse than the one before, and other names are refused") {
+TEST_CASE("image presets: lab, factory and worst are each worse than the one before, and other names are refused") {
   double noise = 0;
-  for (const std::string& name : image_presets()) {
+  for (const std::string name : {"lab", "factory", "worst"}) {
     CAPTURE(name);
     CHECK(image_preset(name).read_noise > noise);
     noise = image_preset(name).read_noise;

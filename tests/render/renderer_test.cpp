@@ -317,3 +317,72 @@ TEST_CASE("renderer: a plate out of focus has softer edges than one that is in f
   const double low_mm = (spec.T_finger_camera.inverse() * spec.plates[kLowPlate].T_finger_marker.translation()).z();
   CHECK(steepest(low_mm) > 2 * steepest(2 * low_mm));
 }
+
+TEST_CASE("renderer: a rolling shutter shows each row at its own time, and a still finger as any shutter does") {
+  const FingerSpec spec = default_spec();
+  const Lens& camera = spec.cameras[1];
+  ImageQuality quality = clean();
+  quality.readout_s = 0.016;
+  constexpr float kSpeed_mm_s = 200;
+  const auto moved = [](double after_s) {
+    Renderer::Scene scene;
+    for (PlateMotion& plate : scene.plates) plate.displacement_mm.x() = kSpeed_mm_s * static_cast<float>(after_s);
+    return std::vector{scene};
+  };
+  Image still, rolling;
+  Renderer(spec, camera, quality, 1).render_rolling([&](double) { return moved(0); }, still);
+  CHECK(still == rendered(spec, camera, quality, Plates{}));
+  Renderer(spec, camera, quality, 1).render_rolling(moved, rolling);
+  for (const int row : {40, 160, 320, 440}) {
+    CAPTURE(row);
+    const int band = row / 8 * 8;
+    const double after_s = quality.readout_s * ((band + 4.0) / camera.height_px - 0.5);
+    const Image then = rendered(spec, camera, quality, moved(after_s)[0].plates);
+    const auto at = [&](const Image& image) { return image.begin() + std::ptrdiff_t{row} * camera.width_px; };
+    CHECK(std::equal(at(rolling), at(rolling) + camera.width_px, at(then)));
+  }
+  CHECK(rolling != still);
+}
+
+TEST_CASE("renderer: a print that is too small shows a smaller marker, a bent or tilted one another picture") {
+  const FingerSpec spec = default_spec();
+  const Lens& camera = spec.cameras[1];
+  const Image right = rendered(spec, camera, clean(), Plates{});
+  const auto dark = [](const Image& image) {
+    return std::count_if(image.begin(), image.end(), [](int grey) { return grey < 50; });
+  };
+  ImageQuality small = clean();
+  small.print_scale = 0.9;
+  const double share =
+      static_cast<double>(dark(rendered(spec, camera, small, Plates{}))) / static_cast<double>(dark(right));
+  CHECK(share == doctest::Approx(0.81).epsilon(0.05));
+  ImageQuality bent = clean(), tilted = clean();
+  bent.print_bend_per_mm = 0.02;
+  tilted.print_tilt_rad = 0.05;
+  CHECK(rendered(spec, camera, bent, Plates{}) != right);
+  CHECK(rendered(spec, camera, tilted, Plates{}) != right);
+}
+
+TEST_CASE("renderer: LEDs are reflected by glossy prints, and only there; clutter lies behind the plates") {
+  const FingerSpec spec = default_spec();
+  const Lens& camera = spec.cameras[1];
+  const Image plain = rendered(spec, camera, clean(), Plates{});
+  ImageQuality glossy = clean();
+  glossy.gloss = 400;
+  const Image glare = rendered(spec, camera, glossy, Plates{});
+  int brighter = 0, darker = 0;
+  for (std::size_t i = 0; i < plain.size(); ++i) {
+    brighter += glare[i] > plain[i] + 20;
+    darker += glare[i] < plain[i];
+  }
+  CHECK(brighter > 100);
+  CHECK(darker == 0);
+  ImageQuality cluttered = clean();
+  cluttered.clutter = 24;
+  const Image behind = rendered(spec, camera, cluttered, Plates{});
+  CHECK(behind != plain);
+  const Eigen::Vector3d middle = spec.T_finger_camera.inverse() * spec.plates[1].T_finger_marker.translation();
+  const Eigen::Vector2d pixel = pixel_from_ray(camera, middle.head<2>() / middle.z());
+  const auto at = static_cast<std::size_t>(std::lround(pixel.y()) * camera.width_px + std::lround(pixel.x()));
+  CHECK(behind[at] == plain[at]);
+}

@@ -92,6 +92,51 @@ TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better t
   }
 }
 
+TEST_CASE("corners: their own scatter is told within a factor of 1.6, and more blur is told as more") {
+  const Lens camera = camera_640x480();
+  for (const double read_noise : {4.0, 8.0, 16.0}) {
+    Errors edges;
+    Random random(11);
+    double told_sq = 0;
+    constexpr int kImages = 12;
+    for (int i = 0; i < kImages; ++i) {
+      const PaintedMarker marker = random_marker(random, camera, 0.2);
+      Paint paint;
+      paint.read_noise = read_noise;
+      Image image(camera, paint);
+      image.add(marker);
+      const std::vector<std::uint8_t> grey = image.develop(static_cast<std::uint64_t>(i));
+      const std::array<Vec2f, 4> truth = true_corners(camera, marker);
+      std::array<Vec2f, 4> corners = truth;
+      const auto quality =
+          refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners);
+      REQUIRE(quality);
+      edges.add(corners, truth);
+      told_sq += static_cast<double>(quality->scatter_px * quality->scatter_px) / kImages;
+    }
+    const double ratio = std::sqrt(told_sq) / edges.rms();
+    INFO("noise ", read_noise, ": told ", std::sqrt(told_sq), ", is ", edges.rms());
+    CHECK(ratio > 1 / 1.6);
+    CHECK(ratio < 1.6);
+  }
+  float before_px = 0;
+  for (const double blur_px : {0.5, 1.0, 1.5, 2.0}) {
+    Random random(3);
+    const PaintedMarker marker = random_marker(random, camera, 0.2);
+    Paint paint;
+    paint.blur_px = blur_px;
+    Image image(camera, paint);
+    image.add(marker);
+    const std::vector<std::uint8_t> grey = image.develop(1);
+    std::array<Vec2f, 4> corners = true_corners(camera, marker);
+    const auto quality =
+        refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners);
+    REQUIRE(quality);
+    CHECK(quality->blur_px > before_px);
+    before_px = quality->blur_px;
+  }
+}
+
 TEST_CASE("corners: exact to 0.02 pixels without noise, where the lens bends the edges most") {
   Lens camera = camera_1280x720();
   Paint paint;

@@ -193,3 +193,62 @@ TEST_CASE("markers: refuses an impossible mount or camera") {
   refused([&](MountModel& m, Lens&) { m.T_finger_camera.translation().x() = nan; });
   refused([&](MountModel&, Lens& c) { c.fx = nan; });
 }
+
+namespace {
+
+/// A reflection: all pixels of a disc around a point of a plate's marker (in its own frame) are as bright as can be.
+void reflect(const Lens& camera, std::size_t plate, const Eigen::Vector2d& at_mm, double radius_mm,
+             std::vector<std::uint8_t>& grey) {
+  const PaintedMarker marker = moved_marker(test_mount(), {}, plate);
+  const Vec2f middle = project(camera, marker.T_camera_marker * Eigen::Vector3d(at_mm.x(), at_mm.y(), 0)).cast<float>();
+  const double px_per_mm = camera.fx / marker.T_camera_marker.translation().z();
+  for (int y = 0; y < camera.height_px; ++y) {
+    for (int x = 0; x < camera.width_px; ++x) {
+      if ((Vec2f(static_cast<float>(x), static_cast<float>(y)) - middle).norm() > radius_mm * px_per_mm) continue;
+      grey[static_cast<std::size_t>(y * camera.width_px + x)] = 255;
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("markers: a reflection that breaks a border or hides modules does not lose a marker whose place is known") {
+  const Lens camera = camera_640x480();
+  const PoseVectord rest = PoseVectord::Zero();
+  const MarkerCorners truth = corners_of(test_mount(), camera, plate_motions(rest));
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    for (const Eigen::Vector2d& at_mm : {Eigen::Vector2d(3.4, 1), Eigen::Vector2d(-1, -3.4), Eigen::Vector2d(0, 0),
+                                         Eigen::Vector2d(4, 0), Eigen::Vector2d(0.7, 2)}) {
+      CAPTURE(p);
+      CAPTURE(at_mm);
+      std::vector<std::uint8_t> grey = paint_moved(camera, rest, 5);
+      reflect(camera, p, at_mm, 1, grey);
+      const Frame frame{grey.data(), camera.width_px, camera.height_px, camera.width_px};
+      MarkerStage stage(test_mount(), camera);
+      if (!stage.find(frame).seen[p]) {
+        std::array<Vec2f, 4> expected = truth.corners_px[p];
+        for (Vec2f& corner : expected) corner += Vec2f(1, -0.7F);
+        CHECK(stage.find_at(frame, p, expected));
+      }
+      CHECK(stage.last().seen == kAll);
+      CHECK(mean_error_px(camera, rest, stage.last()) < 0.1);
+      CHECK(stage.find(frame).seen == kAll);  // from now on it is followed
+    }
+  }
+}
+
+TEST_CASE("markers: another marker or none where one is expected is not taken for it") {
+  const Lens camera = camera_640x480();
+  const MarkerCorners truth = corners_of(test_mount(), camera, plate_motions(PoseVectord::Zero()));
+  std::array<int, kPlates> ids = test_mount().marker_id;
+  for (const int other : {-1, 30, 31, 32, 33, 34}) {
+    CAPTURE(other);
+    ids[kTopPlate] = other;
+    std::vector<std::uint8_t> grey = paint_ids(camera, ids);
+    reflect(camera, kTopPlate, {1, 1}, 1, grey);
+    const Frame frame{grey.data(), camera.width_px, camera.height_px, camera.width_px};
+    MarkerStage stage(test_mount(), camera);
+    CHECK(!stage.find(frame).seen[kTopPlate]);
+    CHECK(!stage.find_at(frame, kTopPlate, truth.corners_px[kTopPlate]));
+  }
+}
