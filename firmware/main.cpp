@@ -4,18 +4,20 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
+#include <future>
 #include <iterator>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
-#include "firmware/device/identity.h"
+#include "firmware/device/finger.h"
 #include "firmware/device/log.h"
 #include "firmware/device/network_file.h"
 #include "firmware/device/realtime.h"
-#include "firmware/device/run_loop.h"
 #include "firmware/device/safe_mode.h"
-#include "firmware/device/source.h"
 #include "firmware/input_error.h"
 #include "firmware/loop/self_test.h"
 #include "firmware/settings/atomic_file.h"
@@ -30,7 +32,8 @@ constexpr const char* kUsage =
     "usage: finsightd --settings FILE [--user FILE] [--registers CSV | --check | --safe-outputs | ...]\n"
     "  --settings FILE   board file (TOML); boards/replay/board.toml is one with every key explained\n"
     "  --user FILE       its values replace the board file's\n"
-    "  --registers CSV   at the end, write the published register blocks to this file (the first 262144)\n"
+    "  --registers CSV   at the end, write the published register blocks to this file (the first 262144); with\n"
+    "                    [[finger]] tables one file for each, registers-NAME.csv for registers.csv\n"
     "  --check           read settings and model, run the self-test, and stop\n"
     "  --safe-outputs    set the digital outputs to their safe levels, and stop: for after a crash\n"
     "  --network FILE    write the [network] section for systemd-networkd to this file, and stop\n"
@@ -101,100 +104,105 @@ Arguments parse(int argc, char** argv) {
 /// Exit codes; kStartAgain is start()'s alone: it is to be called again.
 enum ExitCode : int { kStartAgain = -1, kDone = 0, kFailed = 1, kInputRefused = 2, kSelfTestFailed = 3 };
 
-/// A page that cannot be shown is no reason not to measure.
-void open_page(const Settings& settings, const Model& model, const std::optional<SessionInfo>& images,
-               const MountModel& mount, std::optional<PagePublisher>& page) {
+/// A pack or recording that cannot be used costs one of several fingers its values, and the others nothing; then
+/// `fault` says which.
+std::unique_ptr<Sensor> open_sensor(const Settings& settings, bool is_alone, FaultCode& fault) {
   try {
-    page.emplace(settings, model, images, mount);
-  } catch (const std::exception& error) {
-    log_message(std::string(error.what()) + "; the page (page.folder) will show no live values");
-  }
-}
-
-/// What was imported on the page takes the place of what was saved. A file that cannot be used is put aside.
-void take_imported(const Settings& settings, const ZeroBasis& basis) {
-  if (!settings.page || settings.page->measured.empty() || settings.saved_state.empty()) return;
-  const std::filesystem::path file = settings.page->measured / kImportedState;
-  try {
-    if (!std::filesystem::is_regular_file(file)) return;
-    const std::optional<LoadedState> imported = load_state(file, &basis);
-    if (!imported) return;
-    if (!imported->problem.empty()) throw InputError(imported->problem, "nothing of the import is used");
-    save_state(settings.saved_state, imported->state, basis);
-    log_message("settings and zero were imported on the page");
+    return std::make_unique<Sensor>(settings, true);
+  } catch (const SelfTestError& error) {
+    if (is_alone) throw;
+    fault = FaultCode::kSelfTest;
+    log_message(settings.name, error.what());
   } catch (const InputError& error) {
-    log_message(error.what());
+    if (is_alone) throw;
+    fault = FaultCode::kSettingsRefused;
+    log_message(settings.name, error.what());
   }
-  std::filesystem::remove(file);
+  return nullptr;
 }
 
-/// The work itself. Opens everything in an order in which every thread starts before the loop becomes real-time.
-/// `reset`: the command that it was started again by, and again is to be.
-int measure(const Arguments& arguments, const Settings& settings, std::optional<GivenCommand>& reset) {
-  const Model model = Model::open(settings.pack);
-  check_self_test(model);
-  log_message("model " + model.finger_name + " (" + std::to_string(model.shape.tets) + " tets) passed its self-test");
-  LoopSettings loop_settings = settings.loop;
-  if (settings.mount) loop_settings.mount = corrected_mount(model.mount, *settings.mount);
-  const std::optional<SessionInfo> images = source_images(settings, model);
-  complete_from_source(settings, images, loop_settings);
-  FrameLoop loop(model, images ? std::optional(images->lens) : std::nullopt, loop_settings);
-  const OpenSource source = open_source(settings, images);
-  const ZeroBasis basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount))};
-  if (!arguments.check) take_imported(settings, basis);
-  const LoadedState saved = load_state_or_factory(settings.saved_state, &basis, settings.loop.runtime);
-  if (!saved.problem.empty()) {
-    log_message(saved.problem);
-    loop.set_lasting_fault(FaultCode::kSavedSettings);
-  }
-  check_realtime(settings.realtime);
-  if (arguments.check) {
+int check(const std::vector<Settings>& fingers) {
+  for (const Settings& settings : fingers) {
+    const Sensor opened(settings, false);
     if (settings.gpio && has_gpio()) check_gpio(*settings.gpio);
     if (settings.gpio && !has_gpio()) log_message("gpio: not checked, this build has no libgpiod 2");
-    return kDone;
   }
-  std::optional<StateSaver> saver;
-  if (!settings.saved_state.empty()) saver.emplace(settings.saved_state, basis);
-  std::optional<Recorder> recorder;
-  if (!settings.recordings.empty() && images) {
-    recorder.emplace(settings.recordings, *images, Recorder::Limits{settings.record_max_s, settings.record_reserve_mb});
+  return kDone;
+}
+
+/// A file per finger: "registers.csv", or "registers-left.csv" for the one called left.
+std::string log_file_of(const std::string& registers, const std::string& finger) {
+  if (registers.empty() || finger.empty()) return registers;
+  std::filesystem::path file = registers;
+  return file.replace_filename(file.stem().string() + "-" + finger + file.extension().string());
+}
+
+/// All fingers' loops, each in a thread of its own: the first in this one. Throws what one of them throws.
+bool run_all(std::vector<std::unique_ptr<Finger>>& fingers, SharedDevice& device) {
+  const auto run = [&device](Finger& finger) {
+    try {
+      return finger.run(device);
+    } catch (...) {
+      device.is_over = true;
+      throw;
+    }
+  };
+  std::vector<std::future<bool>> others;
+  for (std::size_t i = 1; i < fingers.size(); ++i) {
+    others.push_back(std::async(std::launch::async, [&run, &finger = *fingers[i]] { return run(finger); }));
   }
-  std::optional<PagePublisher> page;
-  if (settings.page) open_page(settings, model, images, loop_settings.mount.value_or(model.mount), page);
-  DigitalOutputs outputs(settings.gpio);
-  Control control(settings.write_key, settings.loop.runtime, saved.state.settings);
-  const int timeout_ms = frame_timeout_ms(settings);
-  Commands commands(control, loop, saver ? &*saver : nullptr, recorder ? &*recorder : nullptr, saved.state,
-                    kNsPerMs * timeout_ms);
-  control.identify(identity_of(settings, &model));
-  if (reset) control.remember(*reset);
-  control.expect_gravity(kNsPerMs * settings.gravity_max_age_ms);
-  const Thermometer thermometer(control);
-  Health health(control);
-  ModbusServer server(settings.modbus, control, log_message);
-  log_message("Modbus TCP on " + settings.modbus.address + ":" + std::to_string(server.port()));
-  RegisterLog log(arguments.registers);
-  make_realtime(settings.realtime);
-  const Device device{
-      source, loop, commands, server, outputs, log, health, recorder ? &*recorder : nullptr, page ? &*page : nullptr};
-  if (!run_loop(device, timeout_ms, stop_requested)) {
-    throw std::runtime_error("gpio: the outputs can no longer be set");
+  bool done = run(*fingers[0]);
+  for (std::future<bool>& other : others) done = other.get() && done;
+  return done;
+}
+
+/// A reset that a finger's client ordered.
+struct OrderedReset {
+  std::size_t finger;
+  GivenCommand command;
+};
+
+/// The work itself. Opens everything in an order in which every thread starts before a loop becomes real-time.
+/// `reset`: the command that it was started again by, and again is to be.
+int measure(const Arguments& arguments, std::vector<Settings> settings, std::optional<OrderedReset>& reset) {
+  for (const Settings& finger : settings) check_realtime(finger.realtime);
+  if (arguments.check) return check(settings);
+  spread_over_processors(settings);
+  std::vector<std::unique_ptr<Sensor>> sensors;
+  std::vector<FaultCode> faults(settings.size(), FaultCode::kNone);
+  for (std::size_t i = 0; i < settings.size(); ++i) {
+    sensors.push_back(open_sensor(settings[i], settings.size() == 1, faults[i]));
   }
-  if (const auto left_out = log.write()) {
-    log_message(arguments.registers + ": " + std::to_string(left_out) + " later blocks had no room");
+  const auto working = static_cast<int>(std::ranges::count_if(sensors, [](const auto& sensor) { return !!sensor; }));
+  if (working == 0) throw InputError(arguments.settings, "none of its fingers can work");
+  ZeroTogether zeros(settings.size());
+  std::vector<std::unique_ptr<Finger>> fingers;
+  std::vector<Control*> controls;
+  for (std::size_t i = 0; i < settings.size(); ++i) {
+    fingers.push_back(std::make_unique<Finger>(settings[i], std::move(sensors[i]), faults[i],
+                                               log_file_of(arguments.registers, settings[i].name),
+                                               OtherFingers{&zeros, i}));
+    controls.push_back(&fingers.back()->control());
   }
-  const SourceStatus& status = status_of(source);
-  const CameraCounts counts = status.counts();
-  std::fprintf(stderr, "%sframes %u, dropped %u, late %u, broken %u; camera lost %u times\n",
-               loop.times().table().c_str(), loop.state().frames, loop.state().dropped_frames, counts.late,
-               counts.broken, counts.losses);
-  if (commands.reset_is_ordered() && !stop_requested) {
+  if (reset && reset->finger < controls.size()) controls[reset->finger]->remember(reset->command);
+  ModbusServer server(settings[0].modbus, controls, [](const std::string& text) { log_message(text); });
+  log_message("Modbus TCP on " + settings[0].modbus.address + ":" + std::to_string(server.port()));
+  Supervisor supervisor(fingers.size());
+  SharedDevice device{server, supervisor, stop_requested, working};
+  supervisor.ready();
+  if (!run_all(fingers, device)) throw std::runtime_error("gpio: the outputs can no longer be set");
+  std::string early_end;
+  for (const auto& finger : fingers) {
+    if (const std::string why = finger->close(); !why.empty()) early_end = why;
+  }
+  const auto ordered = std::ranges::find_if(fingers, [](const auto& finger) { return finger->reset_is_ordered(); });
+  if (!stop_requested && ordered != fingers.end()) {
     log_message("a client ordered a reset");
-    reset = control.last_finished();
+    reset = {static_cast<std::size_t>(ordered - fingers.begin()), (*ordered)->control().last_finished()};
     return kStartAgain;
   }
-  if (!status.ended() || status.error().empty()) return kDone;
-  log_message(status.error());
+  if (early_end.empty()) return kDone;
+  log_message(early_end);
   return kInputRefused;
 }
 
@@ -204,7 +212,7 @@ FaultCode fault_after(const std::string& exit_code) {
   return exit_code == std::to_string(kSelfTestFailed) ? FaultCode::kSelfTest : FaultCode::kFailedRepeatedly;
 }
 
-int start(const Arguments& arguments, std::optional<GivenCommand>& reset) {
+int start(const Arguments& arguments, std::optional<OrderedReset>& reset) {
   const SettingsFiles files(arguments.settings, arguments.user);
   if (!arguments.check && !arguments.safe_outputs && arguments.network.empty()) {
     if (const auto page = read_usable_settings(files).page) keep_log(page->folder);
@@ -218,10 +226,12 @@ int start(const Arguments& arguments, std::optional<GivenCommand>& reset) {
     return 0;
   }
   if (arguments.safe_outputs) {
-    const DigitalOutputs safe(read_usable_settings(files).gpio);  // takes the lines at their safe levels
+    for (const Settings& finger : read_usable_fingers(files)) {
+      const DigitalOutputs safe(finger.gpio);  // takes the lines at their safe levels
+    }
     return 0;
   }
-  return measure(arguments, read_settings(files), reset);
+  return measure(arguments, read_fingers(files), reset);
 }
 
 }  // namespace
@@ -237,7 +247,7 @@ int main(int argc, char** argv) {
   try {
     const Arguments arguments = parse(argc, argv);
     const SchedulingSnapshot before;
-    std::optional<GivenCommand> reset;
+    std::optional<OrderedReset> reset;
     for (;;) {
       const int code = start(arguments, reset);
       if (code != kStartAgain) return code;

@@ -11,14 +11,15 @@ CommandResult done_if(bool possible) { return possible ? CommandResult::kDone : 
 }  // namespace
 
 Commands::Commands(Control& control, FrameLoop& loop, StateSaver* saver, Recorder* recorder, const SavedState& saved,
-                   std::int64_t frame_timeout_ns)
+                   std::int64_t frame_timeout_ns, OtherFingers others)
     : control_(control),
       loop_(loop),
       saver_(saver),
       recorder_(recorder),
       frame_timeout_ns_(frame_timeout_ns),
       settings_(saved.settings),
-      saved_(saved) {
+      saved_(saved),
+      others_(others) {
   loop_.zeroing().set_zero(saved.zero);
   loop_.gravity().set_at_zero(saved.zero_g);
 }
@@ -30,7 +31,9 @@ void Commands::poll() {
   loop_.use(settings_);
   control_.set_stale_after(kNsPerMs * settings_[kHoldTime] + frame_timeout_ns_);
   if (!is_running_) {
-    if (const auto ordered = control_.take_command()) {
+    if (others_.zeros && others_.zeros->take(others_.own)) {
+      zero_for_another();
+    } else if (const auto ordered = control_.take_command()) {
       running_ = *ordered;
       is_running_ = is_ordered_ = true;
       if (const auto result = start(running_)) {
@@ -58,6 +61,31 @@ void Commands::trigger() {
   is_running_ = !start(command);
 }
 
+std::optional<bool> Commands::zero_outcome() {
+  const auto done = loop_.zeroing().take_outcome();
+  zero_changed_ = zero_changed_ || done.value_or(false);
+  return done;
+}
+
+/// Another finger's client hears of it, not this one's.
+void Commands::zero_for_another() {
+  running_ = Command::kZero;
+  is_running_ = is_zeroing_for_another_ = true;
+  is_ordered_ = false;
+  start(running_);
+}
+
+/// Two fingers whose clients order a zero of all at the same time: each one's own zero is what the other waits for.
+std::optional<CommandResult> Commands::zero_all_outcome() {
+  if (!own_zero_) own_zero_ = zero_outcome();
+  if (!own_zero_) return std::nullopt;
+  if (!others_.zeros) return done_if(*own_zero_);
+  if (others_.zeros->take(others_.own)) others_.zeros->tell(others_.own, *own_zero_);
+  const auto others = others_.zeros->outcome(others_.own);
+  if (!others && steady_now_ns() - zero_all_since_ns_ < kZeroOfOthersNs) return std::nullopt;
+  return done_if(*own_zero_ && others.value_or(false));
+}
+
 /// The result of a command that is carried out at once; nothing for one whose result outcome() gives later.
 std::optional<CommandResult> Commands::start(Command command) {
   switch (command) {
@@ -65,6 +93,12 @@ std::optional<CommandResult> Commands::start(Command command) {
       return CommandResult::kDone;
     case Command::kZero:
       loop_.zeroing().begin();
+      return std::nullopt;
+    case Command::kZeroAll:
+      loop_.zeroing().begin();
+      own_zero_.reset();
+      zero_all_since_ns_ = steady_now_ns();
+      if (others_.zeros) others_.zeros->order(others_.own);
       return std::nullopt;
     case Command::kSave:
       if (!saver_) return CommandResult::kNotConfigured;
@@ -123,11 +157,13 @@ std::optional<CommandResult> Commands::tare(ProcessValues::Tare tare) {
 std::optional<CommandResult> Commands::outcome() {
   switch (running_) {
     case Command::kZero: {
-      const auto done = loop_.zeroing().take_outcome();
+      const auto done = zero_outcome();
       if (!done) return std::nullopt;
-      zero_changed_ = zero_changed_ || *done;
+      if (std::exchange(is_zeroing_for_another_, false)) others_.zeros->tell(others_.own, *done);
       return done_if(*done);
     }
+    case Command::kZeroAll:
+      return zero_all_outcome();
     case Command::kTareForce:
     case Command::kTareDeformation:
     case Command::kTareTouch: {

@@ -13,4 +13,9 @@ void log_message(const std::string& message);
 /// none.
 void keep_log(const std::filesystem::path& folder);
 
+/// Of one finger; `finger` is its name, empty on a board that has only one.
+inline void log_message(const std::string& finger, const std::string& message) {
+  log_message(finger.empty() ? message : finger + ": " + message);
+}
+
 }  // namespace finsight

@@ -1,6 +1,8 @@
 #include "firmware/device/outputs.h"
 
+#include <algorithm>
 #include <atomic>
+#include <cassert>
 #include <chrono>
 #include <csignal>
 #include <thread>
@@ -11,12 +13,17 @@ namespace finsight {
 
 namespace {
 
-// For the signal handler: set after the levels, cleared before the chip is closed.
-OutputLevels safe_on_crash;
-std::atomic<Gpio*> gpio_on_crash{nullptr};
+// For the signal handler, one for each finger: the chip is set after the levels, and cleared before it is closed.
+struct OnCrash {
+  OutputLevels safe{};
+  std::atomic<Gpio*> gpio{nullptr};
+};
+std::array<OnCrash, kMostFingers> all_on_crash;
 
 void on_crash(int signal) {
-  if (Gpio* gpio = gpio_on_crash) gpio->set(safe_on_crash);
+  for (OnCrash& crash : all_on_crash) {
+    if (Gpio* gpio = crash.gpio) gpio->set(crash.safe);
+  }
   std::signal(signal, SIG_DFL);
   std::raise(signal);
 }
@@ -71,13 +78,17 @@ DigitalOutputs::DigitalOutputs(const std::optional<GpioSettings>& settings)
 DigitalOutputs::DigitalOutputs(std::unique_ptr<Gpio> gpio, const OutputLevels& safe)
     : filter_(safe), gpio_(std::move(gpio)) {
   if (!gpio_) return;
-  safe_on_crash = safe;
-  gpio_on_crash = gpio_.get();
+  const auto free = std::ranges::find_if(all_on_crash, [](const OnCrash& crash) { return !crash.gpio; });
+  assert(free != all_on_crash.end());
+  free->safe = safe;
+  free->gpio = gpio_.get();
   for (const int fault : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL}) std::signal(fault, on_crash);
 }
 
 DigitalOutputs::~DigitalOutputs() {
-  if (gpio_) gpio_on_crash = nullptr;
+  for (OnCrash& crash : all_on_crash) {
+    if (gpio_ && crash.gpio == gpio_.get()) crash.gpio = nullptr;
+  }
 }
 
 bool DigitalOutputs::set(const RegisterImage& image, const RuntimeSettings& settings) {

@@ -39,8 +39,8 @@ class TriggerInput {
   bool level_ = true;  ///< a line that is active at the start does not rise
 };
 
-/// The lines of a board, if it has any: at their safe levels until the first block, with faults, at the end of the
-/// program, and when it crashes. At most one object at a time.
+/// The lines of a finger, if it has any: at their safe levels until the first block, with faults, at the end of the
+/// program, and when it crashes. At most one object per finger at a time, all made in one thread.
 class DigitalOutputs {
  public:
   /// Waits for lines that cannot be opened, because at a start the chip may have no rights yet; then throws InputError

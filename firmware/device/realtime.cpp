@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 #include <sys/sysinfo.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
@@ -29,6 +30,19 @@ void check_realtime(const RealtimeSettings& settings) {
   throw InputError(
       "realtime", "cpu", std::to_string(settings.cpu),
       "at most " + std::to_string(processors - 1) + ": this machine has " + std::to_string(processors) + " processors");
+}
+
+void spread_over_processors(std::span<Settings> fingers) {
+  cpu_set_t usable;
+  CPU_ZERO(&usable);
+  sched_getaffinity(0, sizeof usable, &usable);
+  const auto has_processor = [](const Settings& finger) { return finger.realtime.cpu >= 0; };
+  const auto count = static_cast<std::size_t>(CPU_COUNT(&usable));
+  if (fingers.size() < 2 || count < fingers.size() || std::ranges::any_of(fingers, has_processor)) return;
+  std::size_t left = fingers.size();
+  for (int cpu = CPU_SETSIZE - 1; cpu >= 0 && left > 0; --cpu) {
+    if (CPU_ISSET(cpu, &usable)) fingers[--left].realtime.cpu = cpu;
+  }
 }
 
 void make_realtime(const RealtimeSettings& settings) {

@@ -3,12 +3,18 @@
 
 #include <sched.h>
 
+#include <span>
+
 #include "firmware/settings/settings.h"
 
 namespace finsight {
 
 /// Throws InputError for a processor that this machine does not have.
 void check_realtime(const RealtimeSettings& settings);
+
+/// Where the board file gives none of several fingers a processor, and this program may use enough of them: each gets
+/// one of its own, the last ones, because the first serves the hardware.
+void spread_over_processors(std::span<Settings> fingers);
 
 /// Applies to the calling thread (the memory lock to the whole process). Throws std::runtime_error naming the setting
 /// that the system refuses. Without a priority the thread becomes nice -10 where the system allows it.

@@ -1,8 +1,8 @@
 #include "firmware/device/run_loop.h"
 
+#include <chrono>
+#include <thread>
 #include <utility>
-
-#include "firmware/device/supervisor.h"
 
 namespace finsight {
 
@@ -21,44 +21,50 @@ std::uint16_t warnings_of(const CameraCounts& counts) {
 }
 
 template <class Sample>
-bool run(Source<Sample>& source, Device device, int timeout_ms, const std::atomic<bool>& stop) {
-  Supervisor supervisor;
-  supervisor.ready();
+bool run(Source<Sample>& source, FingerAtWork work, SharedDevice& device, int timeout_ms) {
   std::uint32_t openings = 0;
-  while (!stop && !device.commands.reset_is_due()) {
+  bool has_ended = false;
+  while (!device.stop && !device.is_over && !work.commands.reset_is_due()) {
     Sample sample;
     const bool has_frame = source.next(sample, timeout_ms);
-    if (!has_frame && source.ended()) return true;
+    if (!has_frame && source.ended()) {
+      if (!std::exchange(has_ended, true)) --device.sources;
+      if (device.sources <= 0) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(timeout_ms));
+    }
     const std::int64_t now_ns = steady_now_ns();
-    device.health.begin_turn(now_ns);
-    device.commands.poll();
-    if (device.outputs.trigger_rises()) device.commands.trigger();
+    work.health.begin_turn(now_ns);
+    work.commands.poll();
+    if (work.outputs.trigger_rises()) work.commands.trigger();
     const CameraCounts counts = source.counts();
-    device.loop.set_warnings(warnings_of(counts));
-    const RegisterImage& image = has_frame ? device.loop.step(sample) : device.loop.step_without_frame(now_ns);
-    device.server.publish(image);
+    work.loop.set_warnings(warnings_of(counts));
+    const RegisterImage& image = has_frame ? work.loop.step(sample) : work.loop.step_without_frame(now_ns);
+    device.server.publish(image, work.finger);
     // A search for a missing camera is a sign of life, too: a restart would not find it, only disconnect the clients.
     const std::uint32_t before = std::exchange(openings, counts.openings);
-    if (has_frame || openings != before) supervisor.alive(now_ns, has_frame);
-    if (!device.outputs.set(image, device.loop.state().settings)) return false;
+    if (has_frame || has_ended || openings != before) device.supervisor.alive(now_ns, has_frame, work.finger);
+    if (!work.outputs.set(image, work.loop.state().settings)) return false;
     if (has_frame) {
-      device.log.add(image);
-      record(device.recorder, sample, image);
+      work.log.add(image);
+      record(work.recorder, sample, image);
     }
-    if (device.page) {
-      device.page->publish(device.loop, image, has_frame ? picture_of(sample) : nullptr, steady_now_ns() - now_ns);
+    if (work.page) {
+      work.page->publish(work.loop, image, has_frame ? picture_of(sample) : nullptr, steady_now_ns() - now_ns);
     }
-    const LoopState& state = device.loop.state();
-    device.health.note(image, has_frame, now_ns, steady_now_ns(),
-                       {state.frames, state.dropped_frames, counts.losses, counts.broken, counts.rate_hz});
+    const LoopState& state = work.loop.state();
+    work.health.note(image, has_frame, now_ns, steady_now_ns(),
+                     {state.frames, state.dropped_frames, counts.losses, counts.broken, counts.rate_hz});
   }
+  device.is_over = true;
   return true;
 }
 
 }  // namespace
 
-bool run_loop(Device device, int timeout_ms, const std::atomic<bool>& stop) {
-  return std::visit([&](const auto& source) { return run(*source, device, timeout_ms, stop); }, device.source);
+bool run_loop(FingerAtWork work, SharedDevice& device, int timeout_ms) {
+  const bool done = std::visit([&](const auto& source) { return run(*source, work, device, timeout_ms); }, work.source);
+  if (!done) device.is_over = true;
+  return done;
 }
 
 }  // namespace finsight

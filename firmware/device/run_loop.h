@@ -1,4 +1,4 @@
-// The device at work: frames in, registers and outputs out.
+// A finger at work: frames in, registers and outputs out.
 #pragma once
 
 #include <atomic>
@@ -9,17 +9,27 @@
 #include "firmware/device/page_publisher.h"
 #include "firmware/device/register_log.h"
 #include "firmware/device/source.h"
+#include "firmware/device/supervisor.h"
 #include "firmware/modbus/server.h"
 
 namespace finsight {
 
-/// What works together while frames come. All threads beside the loop's exist before it starts, so that none inherits
-/// its processor or priority.
-struct Device {
+/// What the fingers' loops share.
+struct SharedDevice {
+  ModbusServer& server;
+  Supervisor& supervisor;
+  const std::atomic<bool>& stop;  ///< from outside
+  std::atomic<int> sources;       ///< that still give frames
+  std::atomic<bool> is_over{false};
+};
+
+/// What works together while frames come, for one finger. All threads beside the loops' exist before these start, so
+/// that none inherits a loop's processor or priority.
+struct FingerAtWork {
+  std::size_t finger;  ///< its place among the device's
   const OpenSource& source;
   FrameLoop& loop;
   Commands& commands;
-  ModbusServer& server;
   DigitalOutputs& outputs;
   RegisterLog& log;
   Health& health;
@@ -27,8 +37,9 @@ struct Device {
   PagePublisher* page;  ///< may be null
 };
 
-/// Runs until `stop` is set, the recording ends, or a client orders a reset. Waits at most `timeout_ms` for a frame.
-/// False: the outputs can no longer be set.
-bool run_loop(Device device, int timeout_ms, const std::atomic<bool>& stop);
+/// Runs until `stop` is set, the recordings of all fingers have ended, or a client orders a reset or another loop
+/// fails. A finger whose recording has ended publishes that nothing comes any more while the others go on. Waits at
+/// most `timeout_ms` for a frame. False: the outputs can no longer be set, and the device is over.
+bool run_loop(FingerAtWork work, SharedDevice& device, int timeout_ms);
 
 }  // namespace finsight

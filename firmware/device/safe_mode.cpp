@@ -4,7 +4,6 @@
 #include <system_error>
 #include <thread>
 
-#include "firmware/device/commands.h"
 #include "firmware/device/identity.h"
 #include "firmware/device/log.h"
 #include "firmware/device/saved_state.h"
@@ -16,12 +15,12 @@ namespace finsight {
 namespace {
 
 /// All settings if they are valid, otherwise the valid parts of them. Reports what is wrong.
-Settings settings_to_serve(const SettingsFiles& files) {
+std::vector<Settings> settings_to_serve(const SettingsFiles& files) {
   try {
-    return read_settings(files);
+    return read_fingers(files);
   } catch (const InputError& error) {
     log_message(error.what());
-    return read_usable_settings(files);
+    return read_usable_fingers(files);
   }
 }
 
@@ -45,12 +44,15 @@ DeviceIdentity identity_in_safe_mode(const Settings& settings, FaultCode fault) 
   return identity_of(settings, nullptr);
 }
 
-std::unique_ptr<ModbusServer> open_server_with_fallback(const ModbusSettings& settings, Control& control) {
+std::unique_ptr<ModbusServer> open_server_with_fallback(const ModbusSettings& settings, Control& control,
+                                                        std::size_t fingers) {
+  const std::vector<Control*> controls(fingers, &control);
   try {
-    return std::make_unique<ModbusServer>(settings, control, log_message);
+    return std::make_unique<ModbusServer>(settings, controls, [](const std::string& text) { log_message(text); });
   } catch (const std::system_error& error) {
     log_message(error.what());
-    return std::make_unique<ModbusServer>(fallback_settings(settings), control, log_message);
+    return std::make_unique<ModbusServer>(fallback_settings(settings), controls,
+                                          [](const std::string& text) { log_message(text); });
   }
 }
 
@@ -65,42 +67,35 @@ ModbusSettings fallback_settings(const ModbusSettings& settings) {
 
 SafeMode::SafeMode(const SettingsFiles& files, FaultCode fault) : SafeMode(settings_to_serve(files), fault) {}
 
-SafeMode::SafeMode(const Settings& settings, FaultCode fault)
-    : control_(settings.write_key, settings.loop.runtime, saved_settings(settings)) {
-  state_.fault = fault;
-  control_.identify(identity_in_safe_mode(settings, fault));
-  try {
-    outputs_.emplace(settings.gpio);
-  } catch (const InputError& error) {
-    log_message(error.what());
+SafeMode::SafeMode(const std::vector<Settings>& fingers, FaultCode fault)
+    : fault_code_(fault),
+      control_(fingers[0].write_key, fingers[0].loop.runtime, saved_settings(fingers[0])),
+      fault_(control_, fault),
+      fingers_(fingers.size()) {
+  control_.identify(identity_in_safe_mode(fingers[0], fault));
+  for (const Settings& finger : fingers) {
+    try {
+      outputs_.push_back(std::make_unique<DigitalOutputs>(finger.gpio));
+    } catch (const InputError& error) {
+      log_message(error.what());
+    }
   }
-  server_ = open_server_with_fallback(settings.modbus, control_);
+  server_ = open_server_with_fallback(fingers[0].modbus, control_, fingers_);
 }
 
 bool SafeMode::run(const std::atomic<bool>& stop, std::chrono::nanoseconds longest) {
-  log_message("SAFE MODE, fault " + std::to_string(static_cast<int>(state_.fault)) + "; Modbus TCP on port " +
+  log_message("SAFE MODE, fault " + std::to_string(static_cast<int>(fault_code_)) + "; Modbus TCP on port " +
               std::to_string(port()));
   Supervisor supervisor;
   supervisor.ready();
-  RegisterImage image = empty_block();
   const std::int64_t end_ns = steady_now_ns() + longest.count();
   while (!stop) {
     const std::int64_t now_ns = steady_now_ns();
-    if (now_ns > end_ns) return false;
+    if (now_ns > end_ns || fault_.reset_is_due(now_ns)) return false;
     supervisor.alive_in_safe_mode(now_ns);
-    ++state_.heartbeat;
-    state_.settings = control_.settings();
-    encode_registers(PlatePoses{}, FingerShape{}, Touch{}, state_, image);
-    server_->publish(image);
-    health_.note(image, false, now_ns, now_ns, {});
-    if (const auto command = control_.take_command()) {
-      control_.finish(*command == Command::kReset ? CommandResult::kDone : CommandResult::kNotPossible);
-      if (*command == Command::kReset) {
-        std::this_thread::sleep_for(std::chrono::nanoseconds(kResultIsShownNs));
-        return false;
-      }
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    const RegisterImage& image = fault_.next(now_ns);
+    for (std::size_t finger = 0; finger < fingers_; ++finger) server_->publish(image, finger);
+    std::this_thread::sleep_for(std::chrono::milliseconds(FaultBlock::kEvery_ms));
   }
   return true;
 }

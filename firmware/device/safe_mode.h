@@ -5,8 +5,9 @@
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <vector>
 
-#include "firmware/device/health.h"
+#include "firmware/device/fault_block.h"
 #include "firmware/device/outputs.h"
 #include "firmware/modbus/server.h"
 #include "firmware/settings/settings.h"
@@ -16,8 +17,8 @@ namespace finsight {
 /// Where a client looks first, with all restrictions of `settings` kept: for when its own address and port do not work.
 ModbusSettings fallback_settings(const ModbusSettings& settings);
 
-/// Serves a fault, who the device is, and nothing that was measured. Needs neither model nor camera, and only those
-/// settings that are valid. Of the commands only reset is carried out.
+/// Serves a fault under every finger's unit id, who the device is, and nothing that was measured. Needs neither model
+/// nor camera, and only those settings that are valid. Of the commands only reset is carried out.
 class SafeMode {
  public:
   /// Opens outputs and server. Throws std::system_error if not even the fallback port can be opened.
@@ -28,12 +29,13 @@ class SafeMode {
   bool run(const std::atomic<bool>& stop, std::chrono::nanoseconds longest = std::chrono::minutes(5));
 
  private:
-  SafeMode(const Settings& settings, FaultCode fault);
+  SafeMode(const std::vector<Settings>& fingers, FaultCode fault);
+  const FaultCode fault_code_;
   Control control_;
-  Health health_{control_};
-  std::optional<DigitalOutputs> outputs_;  ///< never set, so they stay safe
+  FaultBlock fault_;
+  std::vector<std::unique_ptr<DigitalOutputs>> outputs_;  ///< never set, so they stay safe
+  const std::size_t fingers_;
   std::unique_ptr<ModbusServer> server_;
-  LoopState state_;
 };
 
 }  // namespace finsight

@@ -8,11 +8,11 @@ namespace finsight {
 
 namespace {
 
-void report_if_cut(const std::filesystem::path& session, const SessionInfo& info) {
+void report_if_cut(const std::string& finger, const std::filesystem::path& session, const SessionInfo& info) {
   if (info.complete) return;
   const Y4mReader images(session / kSessionFrames, true);
-  log_message(session.string() + ": this recording was cut off; its " + std::to_string(images.whole_frames()) +
-              " whole frames are replayed");
+  log_message(finger, session.string() + ": this recording was cut off; its " + std::to_string(images.whole_frames()) +
+                          " whole frames are replayed");
 }
 
 }  // namespace
@@ -54,20 +54,22 @@ void complete_from_source(const Settings& settings, const std::optional<SessionI
   loop.fixed_g = is_recorded_motion ? std::optional(Vec3f(0, 0, 0)) : images->gravity_g;
   if (loop.fixed_g) return;
   log_message(
+      settings.name,
       "gravity is not known (board file, [gravity]): every touch is told less surely, as if the finger had turned");
 }
 
 OpenSource open_source(const Settings& settings, const std::optional<SessionInfo>& images) {
   switch (settings.source) {
     case Settings::Source::kSession:
-      report_if_cut(settings.replay.path, images.value());
+      report_if_cut(settings.name, settings.replay.path, images.value());
       return open_session_camera(settings.replay, *images);
     case Settings::Source::kPoses:
       return open_pose_replay(settings.replay);
     case Settings::Source::kCamera:
       break;
   }
-  return open_live_camera(settings.camera, log_message);
+  return open_live_camera(settings.camera,
+                          [name = settings.name](const std::string& text) { log_message(name, text); });
 }
 
 const SourceStatus& status_of(const OpenSource& source) {

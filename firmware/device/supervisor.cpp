@@ -12,7 +12,7 @@
 
 namespace finsight {
 
-Supervisor::Supervisor() {
+Supervisor::Supervisor(std::size_t fingers) : all_((1U << fingers) - 1) {
   const char* name = std::getenv("NOTIFY_SOCKET");
   sockaddr_un address{};
   if (!name || std::strlen(name) >= sizeof address.sun_path) return;
@@ -33,10 +33,22 @@ Supervisor::~Supervisor() {
 
 void Supervisor::ready() const { send("READY=1"); }
 
-void Supervisor::send_once_per_second(std::int64_t now_ns, const char* message) {
-  if (now_ns - last_alive_ns_ < kNsPerS) return;  // the supervisor need not hear of every frame
+void Supervisor::alive(std::int64_t now_ns, bool is_measuring, std::size_t finger) {
+  const unsigned bit = 1U << finger;
+  alive_ |= bit;
+  is_measuring ? measuring_ |= bit : measuring_ &= ~bit;
+  if (alive_ != all_) return;
+  const bool all_measure = measuring_ == all_;
+  const bool is_sent = send_once_per_second(
+      now_ns, all_measure ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
+  if (is_sent) alive_ = 0;
+}
+
+bool Supervisor::send_once_per_second(std::int64_t now_ns, const char* message) {
+  if (now_ns - last_alive_ns_ < kNsPerS) return false;  // the supervisor need not hear of every frame
   last_alive_ns_ = now_ns;
   send(message);
+  return true;
 }
 
 void Supervisor::send(const char* message) const {

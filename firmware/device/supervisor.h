@@ -1,6 +1,8 @@
 // Readiness and watchdog: what the firmware reports to the service manager.
 #pragma once
 
+#include <atomic>
+#include <cstddef>
 #include <cstdint>
 
 namespace finsight {
@@ -9,26 +11,26 @@ namespace finsight {
 /// is no such socket. Neither allocates nor waits after construction.
 class Supervisor {
  public:
-  Supervisor();
+  explicit Supervisor(std::size_t fingers = 1);
   ~Supervisor();
   Supervisor(const Supervisor&) = delete;
   Supervisor& operator=(const Supervisor&) = delete;
 
   void ready() const;
-  /// Restarts the watchdog's time, at most once per second, and reports whether the sensor is measuring. Call it for
-  /// every new frame (true), and whenever the camera was looked for and not found (false).
-  void alive(std::int64_t now_ns, bool is_measuring) {
-    send_once_per_second(now_ns,
-                         is_measuring ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
-  }
+  /// Restarts the watchdog's time, at most once per second and once every finger has given a sign of life since the
+  /// last time, and reports whether all of them are measuring. Call it for every new frame (true), and whenever the
+  /// camera was looked for and not found (false). For the threads of all fingers.
+  void alive(std::int64_t now_ns, bool is_measuring, std::size_t finger = 0);
   /// The same in safe mode, which has no sensor.
   void alive_in_safe_mode(std::int64_t now_ns) { send_once_per_second(now_ns, "WATCHDOG=1\nSTATUS=safe mode"); }
 
  private:
-  void send_once_per_second(std::int64_t now_ns, const char* message);
+  bool send_once_per_second(std::int64_t now_ns, const char* message);
   void send(const char* message) const;
   int socket_ = -1;
-  std::int64_t last_alive_ns_ = 0;
+  const unsigned all_;  ///< a bit for each finger
+  std::atomic<unsigned> alive_{0}, measuring_{0};
+  std::atomic<std::int64_t> last_alive_ns_{0};
 };
 
 }  // namespace finsight

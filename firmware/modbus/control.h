@@ -34,6 +34,7 @@ enum class Command : std::uint16_t {
   kClearTare = value_named("command", "clear_tare"),
   kResetPeaks = value_named("command", "reset_peaks"),
   kResetEvents = value_named("command", "reset_events"),
+  kZeroAll = value_named("command", "zero_all"),
 };
 
 /// Register 1003.

@@ -11,137 +11,10 @@
 #include <string_view>
 
 #include "firmware/modbus/register_row.h"
+#include "firmware/modbus/register_values.h"
 #include "firmware/types.h"
 
 namespace finsight {
-
-inline constexpr NamedValue kStatusBits[] = {
-    {0, "ready"},
-    {1, "touch_valid"},
-    {2, "contact"},
-    {3, "shape_valid", "all plates seen"},
-    {4, "held", "not from the latest frame"},
-    {5, "top_plate_seen"},
-    {6, "middle_plate_seen"},
-    {7, "low_plate_seen"},
-    {8, "zeroed"},
-    {9, "over_range", "bent beyond any touch of the training data"},
-    {10, "camera_fault"},
-    {11, "solver_fallback", "the shape map stands in for the solver"},
-    {12, "settings_unsaved"},
-    {13, "unexplained", "no touch of the pack's scene (80) moves the plates so: not two contacts nor pushes at a side"},
-    {14, "overload"},
-    {15, "any_fault"},
-};
-
-inline constexpr NamedValue kFaults[] = {
-    {0, "none"},
-    {1, "camera_lost"},
-    {2, "markers_lost"},
-    {3, "solver_failed"},
-    {4, "self_test_failed", "safe mode"},
-    {5, "settings_or_model_refused", "safe mode"},
-    {6, "failed_repeatedly", "safe mode"},
-    {7, "saved_settings_refused", "or the saved zero; factory values are in use; cleared by command 3"},
-    {8, "stalled", "no new result; no value is valid, or the last ones stay as held ones where setting 1017 says so"},
-    {9, "camera_frozen", "repeats the same image"},
-    {10, "image_too_dark"},
-    {11, "image_too_bright"},
-    {12, "image_out_of_focus"},
-    {13, "camera_moved", "relative to the finger; correct its mount, then zero"},
-    {14, "master_lost", "register 1006 was not written within setting 1022; ends when it is written"},
-};
-
-inline constexpr NamedValue kShapeSources[] = {
-    {0, "at_rest"},
-    {1, "shape_map"},
-    {2, "newton_solve"},
-    {3, "contact_aware_map"},
-};
-
-inline constexpr NamedValue kLimitBits[] = {
-    {0, "contact"},
-    {1, "gentle", "an object is gripped"},
-    {2, "overload"},
-};
-
-inline constexpr NamedValue kWarnings[] = {
-    {0, "camera_slow", "gives less than half of the wanted frames per second"},
-    {1, "pictures_broken", "in the last two seconds; they were left out"},
-};
-
-inline constexpr NamedValue kCommands[] = {
-    {0, "none"},
-    {1, "zero", "the finger's present pose becomes its rest pose"},
-    {2, "save", "settings and zero"},
-    {3, "clear", "the fault"},
-    {4, "record", "a session"},
-    {5, "stop", "recording"},
-    {6, "reset", "restarts half a second later"},
-    {7, "factory", "factory settings and no zero; not saved"},
-    {8, "tare_force", "register 1120 counts from its present value"},
-    {9, "tare_deformation", "register 1121 counts from its present value"},
-    {10, "tare_touch", "registers 1122 to 1124 count from their present values"},
-    {11, "clear_tare", "of all values"},
-    {12, "reset_peaks", "and minima, registers 1125 to 1134"},
-    {13, "reset_events", "and their counters, registers 1110 to 1114"},
-};
-
-inline constexpr NamedValue kResults[] = {
-    {0, "done"},
-    {1, "not_possible",
-     "zero: a plate is missing, moving or too far off; tare: the value is not valid; record: already recording, or no "
-     "room"},
-    {2, "not_configured", "the board file names no folder or file for it"},
-    {3, "failed", "disk error"},
-};
-
-inline constexpr NamedValue kHistoryResults[] = {
-    {0, "done"}, {1, "not_possible"}, {2, "not_configured"}, {3, "failed"}, {4, "running", "or about to"},
-};
-
-inline constexpr NamedValue kRecordingStates[] = {
-    {0, "idle"},
-    {1, "recording"},
-    {2, "failed", "the last recording; disk error; replay takes what was written"},
-    {3, "full", "the last recording ended at its greatest length or at the disk's reserve; it is complete"},
-};
-
-inline constexpr NamedValue kScenes[] = {
-    {0, "own", "a scene of the finger's own spec"},
-    {1, "probe", "one push at a point, without friction"},
-    {2, "grasp", "one contact with friction, at a point, over a patch or along a line"},
-    {3, "two", "two contacts such as those of grasp"},
-};
-
-inline constexpr NamedValue kAfterHoldCodes[] = {
-    {0, "invalidate", "all values become invalid"},
-    {1, "keep", "the last values stay, marked as held"},
-};
-
-inline constexpr NamedValue kWordOrders[] = {
-    {0, "ABCD", "high word first"},
-    {1, "CDAB", "low word first"},
-};
-
-inline constexpr NamedValue kSwitch[] = {
-    {0, "off"},
-    {1, "on"},
-};
-
-inline constexpr NamedValue kEvents[] = {
-    {0, "contact_made"},
-    {1, "contact_lost"},
-    {2, "overload", "or over range"},
-    {3, "grip_changed"},
-};
-
-inline constexpr NamedValue kProcessStates[] = {
-    {0, "force_tared"},
-    {1, "deformation_tared"},
-    {2, "touch_tared"},
-    {3, "grip_steady", "gripped, and compared with how it was when it came to rest"},
-};
 
 inline constexpr std::uint16_t kMapVersion = 3;
 inline constexpr std::uint16_t kTestConstant = 0x1234;
@@ -306,6 +179,40 @@ inline constexpr RegisterRow kHistory[] = {
 };
 #undef FINSIGHT_HISTORY
 
+// All fingers in one read, in words that stand for the same in every finger's own block, and what they make together.
+// Finger 1 faces all others.
+#define FINSIGHT_FINGER(n, address) \
+  row::bits(address, "finger_" #n "_status", kStatusBits, "register 0 of finger " #n), \
+  row::code(address + 1, "finger_" #n "_fault", kFaults, "register 1"), \
+  row::count(address + 2, "finger_" #n "_heartbeat", kUint16, "register 2"), \
+  row::measured(address + 3, "finger_" #n "_age", kUint16, 0.1, "ms", "register 3, at this read", "no result yet"), \
+  row::measured(address + 4, "finger_" #n "_touch_x", kInt16, 0.01, "mm", "register 5"), \
+  row::measured(address + 5, "finger_" #n "_touch_y", kInt16, 0.01, "mm", "register 6"), \
+  row::measured(address + 6, "finger_" #n "_touch_z", kInt16, 0.01, "mm", "register 7"), \
+  row::measured(address + 7, "finger_" #n "_touch_uncertainty", kUint16, 0.01, "mm", "register 8: radius of 68 %"), \
+  row::measured(address + 8, "finger_" #n "_force", kUint16, 0.01, "N", "register 9"), \
+  row::measured(address + 9, "finger_" #n "_force_uncertainty", kUint16, 0.01, "N", "register 10"), \
+  row::measured(address + 10, "finger_" #n "_level", kUint16, 1, "permille", "register 11"), \
+  row::bits(address + 11, "finger_" #n "_limits", kLimitBits, "register 44"), \
+  row::measured(address + 12, "finger_" #n "_force_normal", kInt16, 0.01, "N", "register 48"), \
+  row::measured(address + 13, "finger_" #n "_force_normal_uncertainty", kUint16, 0.01, "N", "register 51"), \
+  row::measured(address + 14, "finger_" #n "_force_across", kInt16, 0.01, "N", "register 49"), \
+  row::measured(address + 15, "finger_" #n "_force_along", kInt16, 0.01, "N", "register 50")
+inline constexpr RegisterRow kGathered[] = {
+    row::count(2000, "fingers", kUint16, "of this device, 1 to 4; those that it lacks have status 0 below"),
+    row::bits(2001, "gripper_state", kGripperStates, "of all fingers"),
+    row::measured(2002, "oldest_age", kUint16, 0.1, "ms", "greatest age of the fingers' results", "a finger has no result yet"),
+    row::measured(2003, "force_sum", kUint16, 0.01, "N", "sum of the fingers' forces; one that is ready and touched too lightly to tell counts as 0", "a finger does not tell its force"),
+    row::measured(2004, "force_balance", kInt16, 0.01, "N", "normal force of finger 1, less that of all others, which face it; counted as in force_sum", "a finger does not tell its force"),
+    row::measured(2005, "force_balance_uncertainty", kUint16, 0.01, "N", "standard deviation of register 2004, of the touches that count", "a finger does not tell its force"),
+    row::measured(2006, "touch_centre_x", kInt16, 0.01, "mm", "mean of the valid touches in the direction of finger 1's x; the others face it, so theirs counts negative", "no touch is valid"),
+    row::measured(2007, "touch_centre_y", kInt16, 0.01, "mm", "mean of the valid touches, up from the fingers' bases", "no touch is valid"),
+    row::reserved(2008, "reserved_2008"),
+    row::reserved(2009, "reserved_2009"),
+    FINSIGHT_FINGER(1, 2010), FINSIGHT_FINGER(2, 2026), FINSIGHT_FINGER(3, 2042), FINSIGHT_FINGER(4, 2058),
+};
+#undef FINSIGHT_FINGER
+
 #define FINSIGHT_FAULT(n, address) \
   row::code(address, "fault_" #n "_code", kFaults, "a fault since the start, the newest first; also one that stands"), \
   row::number(address + 1, "fault_" #n "_began", kUint32, 1, "s", "uptime when it began"), \
@@ -347,15 +254,16 @@ inline constexpr RegisterRow kDiagnostics[] = {
 
 }  // namespace table
 
-/// The whole table: the measurements, and behind them what is read and written under Control's lock.
+/// The whole table: of each finger the measurements, and what is read and written under Control's lock; and the block
+/// that gathers all fingers.
 struct RegisterTable {
-  std::span<const RegisterRow> measurements, control, process, history, diagnostics;
-  constexpr std::array<std::span<const RegisterRow>, 5> blocks() const {
-    return {measurements, control, process, history, diagnostics};
+  std::span<const RegisterRow> measurements, control, process, history, gathered, diagnostics;
+  constexpr std::array<std::span<const RegisterRow>, 6> blocks() const {
+    return {measurements, control, process, history, gathered, diagnostics};
   }
 };
-inline constexpr RegisterTable kRegisterTable = {table::kMeasurements, table::kControl, table::kProcess,
-                                                 table::kHistory, table::kDiagnostics};
+inline constexpr RegisterTable kRegisterTable = {table::kMeasurements, table::kControl,  table::kProcess,
+                                                 table::kHistory,      table::kGathered, table::kDiagnostics};
 
 // Look-ups by name at compile time: a name that is not in the table does not compile.
 
@@ -445,6 +353,10 @@ constexpr int words_in(std::span<const RegisterRow> block) {
 inline constexpr int kHistoryAddress = address_of("commands_given");
 inline constexpr int kHistoryRegisters = words_in(kRegisterTable.history);
 inline constexpr int kHistoryEntries = 8;
+inline constexpr int kMostFingers = 4;
+inline constexpr int kGatheredAddress = address_of("fingers");
+inline constexpr int kGatheredRegisters = words_in(kRegisterTable.gathered);
+inline constexpr int kFingerStride = address_of("finger_2_status") - address_of("finger_1_status");
 inline constexpr int kDiagnosticsAddress = address_of("uptime");
 inline constexpr int kDiagnosticsRegisters = words_in(kRegisterTable.diagnostics);
 inline constexpr int kFaultEntries = 8;
@@ -486,7 +398,9 @@ static_assert(is_well_formed(kRegisterTable.control, kControlAddress, kControlAd
 static_assert(is_well_formed(kRegisterTable.history, kHistoryAddress, kHistoryAddress + kHistoryRegisters));
 static_assert(is_well_formed(kRegisterTable.diagnostics, kDiagnosticsAddress,
                              kDiagnosticsAddress + kDiagnosticsRegisters));
-static_assert(kDiagnosticsRegisters <= 125);  // one read shows them all
+static_assert(is_well_formed(kRegisterTable.gathered, kGatheredAddress, kGatheredAddress + kGatheredRegisters));
+static_assert(address_of("finger_4_status") == address_of("finger_1_status") + (kMostFingers - 1) * kFingerStride);
+static_assert(kDiagnosticsRegisters <= 125 && kGatheredRegisters <= 125);  // one read shows them all
 static_assert(is_well_formed(kRegisterTable.process, kProcessAddress, kProcessAddress + kProcessBlockRegisters));
 
 }  // namespace finsight

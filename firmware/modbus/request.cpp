@@ -5,6 +5,8 @@
 #include <iterator>
 #include <string_view>
 
+#include "firmware/modbus/gathered.h"
+
 namespace finsight {
 
 namespace {
@@ -36,8 +38,22 @@ int word_at(Request request, std::size_t at) { return request[at] << 8 | request
 /// Sections 6.3 and 6.4: the quantity is checked before the address.
 Exception check_read(int address, int quantity) {
   if (quantity < 1 || quantity > kMaxRegistersPerRead) return Exception::kIllegalValue;
-  const bool exists = address + quantity <= kMeasurementRegisters || Control::has_registers(address, quantity);
+  const bool is_gathered = address >= kGatheredAddress && address + quantity <= kGatheredAddress + kGatheredRegisters;
+  const bool exists =
+      address + quantity <= kMeasurementRegisters || is_gathered || Control::has_registers(address, quantity);
   return exists ? Exception::kNone : Exception::kIllegalAddress;
+}
+
+/// All fingers at the time of this request.
+void read_gathered(int address, std::span<std::uint16_t> words, const DeviceView& device) {
+  std::array<RegisterImage, kMostFingers> images;
+  const std::size_t count = device.all ? device.all->count() : 1;
+  for (std::size_t i = 0; i < count; ++i) {
+    images[i] = device.all ? device.all->view(i, device.now_ns).image : device.image;
+  }
+  std::array<std::uint16_t, kGatheredRegisters> block;
+  write_gathered({images.data(), count}, block);
+  std::copy_n(block.begin() + (address - kGatheredAddress), words.size(), words.begin());
 }
 
 /// The response of function 3, 4 or 23; the registers exist.
@@ -50,6 +66,8 @@ std::size_t reply_words(Request request, int address, int quantity, const Device
     RegisterImage image = device.image;
     use_word_order(image, has_low_word_first(device.control.settings_copy()));
     std::copy_n(image.words.begin() + address, quantity, words.begin());
+  } else if (address >= kGatheredAddress && address < kGatheredAddress + kGatheredRegisters) {
+    read_gathered(address, words, device);
   } else {
     device.control.read(address, words, access, device.now_ns, device.stalled_since_ns);
   }

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <span>
 
 #include "firmware/modbus/control.h"
@@ -13,21 +14,52 @@ namespace finsight {
 
 inline constexpr std::size_t kMaxPdu = 253;  ///< function code and data (Modbus Application Protocol, section 4.1)
 
-/// What a request is answered from: the latest measurements, and commands and settings.
+class ServedFingers;
+
+/// What a request to one finger is answered from: the latest measurements, and commands and settings.
 struct DeviceView {
   RegisterImage image;
   Control& control;
   std::int64_t now_ns;                ///< steady clock; the age in the image is that at this time
   std::int64_t stalled_since_ns = 0;  ///< of the image, if it is stalled
+  ServedFingers* all = nullptr;       ///< the device's fingers; null: this one alone
 };
 /// For a client's thread: the latest image with its age; marked as stalled if it is too old.
-inline DeviceView view_now(TripleBuffer<RegisterImage>& latest, Control& control) {
-  DeviceView view{latest.read(), control, steady_now_ns()};
+inline DeviceView view_now(TripleBuffer<RegisterImage>& latest, Control& control,
+                           std::int64_t now_ns = steady_now_ns()) {
+  DeviceView view{latest.read(), control, now_ns};
   set_age(view.image, view.now_ns);
   view.stalled_since_ns = control.stalled_since_ns(view.image, view.now_ns);
   if (view.stalled_since_ns != 0) mark_stalled(view.image, control.settings_copy());
   return view;
 }
+
+/// The fingers of a device as one client's thread sees them. Finger i has the unit id that is i above the first one's.
+class ServedFingers {
+ public:
+  /// The controls must outlive it.
+  explicit ServedFingers(std::span<Control* const> controls) {
+    for (Control* control : controls) fingers_.emplace_back(*control);
+  }
+  std::size_t count() const { return fingers_.size(); }
+  /// Wait-free, from one thread at a time for each finger.
+  void publish(std::size_t finger, const RegisterImage& image) noexcept { fingers_[finger].latest.publish(image); }
+  // For the client's thread.
+  Control& control(std::size_t finger) const { return fingers_[finger].control; }
+  DeviceView view(std::size_t finger, std::int64_t now_ns = steady_now_ns()) {
+    DeviceView view = view_now(fingers_[finger].latest, fingers_[finger].control, now_ns);
+    view.all = this;
+    return view;
+  }
+
+ private:
+  struct Finger {
+    explicit Finger(Control& its_control) : control(its_control) {}
+    Control& control;
+    TripleBuffer<RegisterImage> latest{empty_block()};
+  };
+  std::deque<Finger> fingers_;  // its elements stay where they are
+};
 
 /// Carries out functions 3, 4, 6, 16 and 23 and identification (43/14). Other functions and invalid requests get the
 /// exception that the Modbus Application Protocol V1.1b3 names. Returns the length of the response, 2 or more.

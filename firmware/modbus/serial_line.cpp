@@ -16,7 +16,6 @@
 #include <utility>
 
 #include "firmware/modbus/request.h"
-#include "firmware/modbus/triple_buffer.h"
 
 namespace finsight {
 
@@ -73,8 +72,9 @@ bool is_broadcast_write(std::uint8_t function) { return function == 6 || functio
 }  // namespace
 
 struct SerialLine::Impl {
-  Impl(const SerialSettings& wanted, Control& served, std::function<void(const std::string&)> listener)
-      : settings(wanted), control(served), report(std::move(listener)), wake(::eventfd(0, EFD_CLOEXEC)) {
+  Impl(const SerialSettings& wanted, std::span<Control* const> controls,
+       std::function<void(const std::string&)> listener)
+      : settings(wanted), fingers(controls), report(std::move(listener)), wake(::eventfd(0, EFD_CLOEXEC)) {
     if (wake < 0) throw std::system_error(errno, std::generic_category(), "Modbus RTU");
     const auto character_us = std::chrono::microseconds(11'000'000 / settings.baud);
     gap = std::max(kMinGap, character_us * 7 / 2);
@@ -151,7 +151,7 @@ struct SerialLine::Impl {
     for (const std::size_t length : {used, std::size_t{8}, std::size_t{7}}) {
       if (used < length || length < 2) continue;
       const auto frame = all.last(length);
-      const bool for_us = frame[0] == settings.unit || (frame[0] == 0 && length == used);
+      const bool for_us = is_ours(frame[0]) || (frame[0] == 0 && length == used);
       if (!for_us || request_length(frame) != length || !has_correct_checksum(frame)) continue;
       used = 0;
       return answer(frame);
@@ -159,21 +159,30 @@ struct SerialLine::Impl {
     return true;
   }
 
+  bool is_ours(std::uint8_t unit) const {
+    return unit >= settings.unit && unit < settings.unit + static_cast<int>(fingers.count());
+  }
+
   /// Answers a whole frame if it is for us. False: the answer could not be sent.
   bool answer(std::span<const std::uint8_t> frame) {
-    const bool is_broadcast = frame[0] == 0 && is_broadcast_write(frame[1]);
-    if (frame[0] != settings.unit && !is_broadcast) return true;
-    if (!is_broadcast) std::this_thread::sleep_for(gap);
     std::array<std::uint8_t, 1 + kMaxPdu> reply;
+    const auto pdu = frame.subspan(1, frame.size() - 1 - kChecksum);
+    const auto carry_out = [&](std::size_t finger) {
+      return answer_request(pdu, fingers.view(finger), access, std::span<std::uint8_t, kMaxPdu>(&reply[1], kMaxPdu));
+    };
+    if (frame[0] == 0 && is_broadcast_write(frame[1])) {
+      for (std::size_t finger = 0; finger < fingers.count(); ++finger) carry_out(finger);
+      return true;
+    }
+    if (!is_ours(frame[0])) return true;
+    std::this_thread::sleep_for(gap);
     reply[0] = frame[0];
-    const std::size_t length = answer_request(frame.subspan(1, frame.size() - 1 - kChecksum), view_now(latest, control),
-                                              access, std::span<std::uint8_t, kMaxPdu>(&reply[1], kMaxPdu));
-    if (is_broadcast) return true;
+    const std::size_t length = carry_out(static_cast<std::size_t>(frame[0] - settings.unit));
     return modbus_send_raw_request(line.get(), reply.data(), static_cast<int>(1 + length)) > 0;  // adds the checksum
   }
 
   const SerialSettings settings;
-  Control& control;
+  ServedFingers fingers;
   ClientAccess access{.may_write = true, .address = kSerialLineClient};  // whoever is wired to the line may write
   const std::function<void(const std::string&)> report;
   const int wake;
@@ -182,13 +191,15 @@ struct SerialLine::Impl {
   std::unique_ptr<modbus_t, decltype(&modbus_free)> line{nullptr, &modbus_free};
   std::array<std::uint8_t, kMaxFrame> bytes;
   std::size_t used = 0;
-  TripleBuffer<RegisterImage> latest{empty_block()};
   std::thread thread;
 };
 
-SerialLine::SerialLine(const SerialSettings& settings, Control& control, std::function<void(const std::string&)> report)
-    : impl_(std::make_unique<Impl>(settings, control, std::move(report))) {}
+SerialLine::SerialLine(const SerialSettings& settings, std::span<Control* const> controls,
+                       std::function<void(const std::string&)> report)
+    : impl_(std::make_unique<Impl>(settings, controls, std::move(report))) {}
 SerialLine::~SerialLine() = default;
-void SerialLine::publish(const RegisterImage& image) noexcept { impl_->latest.publish(image); }
+void SerialLine::publish(const RegisterImage& image, std::size_t finger) noexcept {
+  impl_->fingers.publish(finger, image);
+}
 
 }  // namespace finsight

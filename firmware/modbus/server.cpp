@@ -25,7 +25,6 @@
 #include "firmware/modbus/request.h"
 #include "firmware/modbus/serial_line.h"
 #include "firmware/modbus/tcp_client.h"
-#include "firmware/modbus/triple_buffer.h"
 
 namespace finsight {
 
@@ -33,7 +32,7 @@ namespace {
 
 constexpr std::int64_t kAcceptPause_ns = kNsPerS / 2;  // after accept() failed for want of descriptors or memory
 constexpr std::int64_t kPollTimeout_ns = kNsPerS / 2;  // clients are closed at most this late
-constexpr int kAcceptsPerPoll = 2;  // the bound of what a flood of newcomers adds to a client's wait
+constexpr int kAcceptsPerPoll = 2;                     // the bound of what a flood of newcomers adds to a client's wait
 constexpr int kNice = -5;
 constexpr std::uint64_t kSlice_ns = 100'000;  // the shortest that Linux gives
 
@@ -103,9 +102,10 @@ int port_of(const Descriptor& listener) {
 }  // namespace
 
 struct ModbusServer::Impl {
-  Impl(const ModbusSettings& wanted, Control& served, const std::function<void(const std::string&)>& report)
+  Impl(const ModbusSettings& wanted, std::span<Control* const> controls,
+       const std::function<void(const std::string&)>& report)
       : settings(wanted),
-        control(served),
+        fingers(controls),
         listener(open_listener(settings)),
         port(port_of(listener)),
         wake(::eventfd(0, EFD_CLOEXEC)),
@@ -114,7 +114,7 @@ struct ModbusServer::Impl {
         clients(places.size()),
         polled(clients.size() + kFirstClient) {
     if (!wake.is_open()) throw std::system_error(errno, std::generic_category(), "Modbus server");
-    if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, control, report);
+    if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, controls, report);
     thread = std::thread([this] { run(); });
   }
 
@@ -123,8 +123,8 @@ struct ModbusServer::Impl {
     thread.join();
   }
 
-  // In each round every client that has sent something gets one request answered, and then at most two newcomers are let
-  // in or refused, so that none can hold up another. What a client has sent beyond that stays in its buffers.
+  // In each round every client that has sent something gets one request answered, and then at most two newcomers are
+  // let in or refused, so that none can hold up another. What a client has sent beyond that stays in its buffers.
   void run() {
     prefer_this_thread();
     for (;;) {
@@ -184,15 +184,24 @@ struct ModbusServer::Impl {
   void let_in(Descriptor socket, std::uint32_t address, std::int64_t now_ns) {
     const bool is_allowed = is_listed(settings.allow, address);
     const std::optional<std::size_t> place = is_allowed ? places.place_for(address, now_ns) : std::nullopt;
-    if (!place) return control.count_connection(Control::Arrival::kRefused);
+    if (!place) return count_connection(Control::Arrival::kRefused);
     const bool is_replacing = places[*place].is_open;
     if (is_replacing) close(*place);
     const ClientAccess access{
         .may_write = is_listed(settings.allow_writes, address), .address = address, .connection = next_connection++};
     clients[*place] = TcpClient(std::move(socket), access, settings.idle_limit_s * kNsPerS, now_ns);
     places[*place] = {.is_open = true, .address = address, .has_asked = false, .active_ns = now_ns};
-    control.count_connection(is_replacing ? Control::Arrival::kReplacing : Control::Arrival::kAccepted);
-    control.show_open_connections(static_cast<std::uint32_t>(places.open()));
+    count_connection(is_replacing ? Control::Arrival::kReplacing : Control::Arrival::kAccepted);
+    show_open_connections();
+  }
+
+  // Connections are the device's: every finger tells of them.
+  void count_connection(Control::Arrival arrival) {
+    for (std::size_t i = 0; i < fingers.count(); ++i) fingers.control(i).count_connection(arrival);
+  }
+  void show_open_connections() {
+    const auto open = static_cast<std::uint32_t>(places.open());
+    for (std::size_t i = 0; i < fingers.count(); ++i) fingers.control(i).show_open_connections(open);
   }
 
   void close(std::size_t place) {
@@ -200,7 +209,7 @@ struct ModbusServer::Impl {
     if (client.has_unsent()) client.abort();  // what it has not taken is lost
     client = TcpClient();
     places[place].is_open = false;
-    control.show_open_connections(static_cast<std::uint32_t>(places.open()));
+    show_open_connections();
   }
 
   void serve(std::size_t place) {
@@ -213,11 +222,25 @@ struct ModbusServer::Impl {
     places[place].has_asked = true;
   }
 
-  /// Other units do not exist here and get no answer. 0 and 255 address a device that has no units behind its IP
-  /// address (Modbus Messaging on TCP/IP V1.0b, section 4.4.2.1).
-  bool is_ours(std::uint8_t unit) const {
-    if (unit == 0 || unit == 255) return true;
-    return settings.unit == 0 ? unit <= 247 : unit == settings.unit;
+  /// 0 and 255 address a device that has no units behind its IP address (Modbus Messaging on TCP/IP V1.0b, section
+  /// 4.4.2.1): the first finger. Nothing: no finger has this unit id.
+  std::optional<std::size_t> finger_of(std::uint8_t unit) const {
+    if (unit == 0 || unit == 255) return 0;
+    if (settings.unit == 0 && fingers.count() == 1) return unit <= 247 ? std::optional<std::size_t>(0) : std::nullopt;
+    const int finger = unit - std::max(settings.unit, 1);
+    if (finger < 0 || finger >= static_cast<int>(fingers.count())) return std::nullopt;
+    return static_cast<std::size_t>(finger);
+  }
+
+  /// The response's length. One finger alone gives other units no answer (0), as they do not exist here; a device of
+  /// several says so, like a gateway, because its client has miscounted.
+  std::size_t answer_unit(std::span<const std::uint8_t> request, std::uint8_t unit, const ClientAccess& access,
+                          std::span<std::uint8_t, kMaxPdu> reply) {
+    if (const auto finger = finger_of(unit)) return answer_request(request, fingers.view(*finger), access, reply);
+    if (fingers.count() == 1) return 0;
+    reply[0] = request[0] | 0x80;
+    reply[1] = static_cast<std::uint8_t>(Exception::kNoSuchFinger);
+    return 2;
   }
 
   /// False: the connection is broken.
@@ -226,10 +249,10 @@ struct ModbusServer::Impl {
     TcpClient& client = clients[place];
     const auto request = client.request();
     const std::size_t sharers = places.held_by(client.access().address);
-    if (!is_ours(request[kHeader - 1])) return client.answer({}, sharers, now_ns);
     std::array<std::uint8_t, TcpClient::kMaxFrame> reply;
-    const std::size_t length = answer_request(request.subspan(kHeader), view_now(latest, control), client.access(),
-                                              std::span<std::uint8_t, kMaxPdu>(&reply[kHeader], kMaxPdu));
+    const std::size_t length = answer_unit(request.subspan(kHeader), request[kHeader - 1], client.access(),
+                                           std::span<std::uint8_t, kMaxPdu>(&reply[kHeader], kMaxPdu));
+    if (length == 0) return client.answer({}, sharers, now_ns);
     std::copy_n(request.begin(), kHeader, reply.begin());
     reply[4] = static_cast<std::uint8_t>((length + 1) >> 8);
     reply[5] = static_cast<std::uint8_t>(length + 1);
@@ -238,7 +261,7 @@ struct ModbusServer::Impl {
 
   static constexpr std::size_t kWake = 0, kListener = 1, kFirstClient = 2;
   const ModbusSettings settings;
-  Control& control;
+  ServedFingers fingers;
   Descriptor listener;
   int port;
   Descriptor wake;
@@ -248,19 +271,21 @@ struct ModbusServer::Impl {
   std::vector<pollfd> polled;
   std::uint64_t next_connection = 1;
   std::int64_t accept_after_ns = 0;
-  TripleBuffer<RegisterImage> latest{empty_block()};
   std::unique_ptr<SerialLine> serial;
   std::thread thread;
 };
 
+ModbusServer::ModbusServer(const ModbusSettings& settings, std::span<Control* const> controls,
+                           const std::function<void(const std::string&)>& report)
+    : impl_(std::make_unique<Impl>(settings, controls, report)) {}
 ModbusServer::ModbusServer(const ModbusSettings& settings, Control& control,
                            const std::function<void(const std::string&)>& report)
-    : impl_(std::make_unique<Impl>(settings, control, report)) {}
+    : ModbusServer(settings, std::array{&control}, report) {}
 ModbusServer::~ModbusServer() = default;
-void ModbusServer::publish(const RegisterImage& image) noexcept {
-  impl_->control.note_publication(steady_now_ns());
-  impl_->latest.publish(image);
-  if (impl_->serial) impl_->serial->publish(image);
+void ModbusServer::publish(const RegisterImage& image, std::size_t finger) noexcept {
+  impl_->fingers.control(finger).note_publication(steady_now_ns());
+  impl_->fingers.publish(finger, image);
+  if (impl_->serial) impl_->serial->publish(image, finger);
 }
 int ModbusServer::port() const { return impl_->port; }
 

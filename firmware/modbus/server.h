@@ -2,10 +2,12 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -24,28 +26,33 @@ struct ModbusSettings {
   int max_per_address = 0;                  ///< of these; 0: half of them
   std::vector<std::uint32_t> reserve = {};  ///< addresses (host byte order) for each of which one place is kept
   int idle_limit_s = 60;                    ///< a client that sends no request for so long is closed
-  int unit = 0;                             ///< 1 to 247: answers this unit id, 0 and 255 only; 0: answers all of them
-  std::vector<Network> allow = {};          ///< who may connect; empty: everybody
-  std::vector<Network> allow_writes = {};   ///< who of them may write once unlocked; empty: all
+  /// 1 to 247: that of the (first) finger, which 0 and 255 mean as well; others get no answer. 0: the fingers are 1, 2,
+  /// ...; a single one answers to every unit id.
+  int unit = 0;
+  std::vector<Network> allow = {};         ///< who may connect; empty: everybody
+  std::vector<Network> allow_writes = {};  ///< who of them may write once unlocked; empty: all
   std::optional<SerialSettings> serial = std::nullopt;
 
   int most_per_address() const { return max_per_address ? max_per_address : std::max(max_clients / 2, 1); }
 };
 
-/// Serves the latest published RegisterImage (before the first: a block that is not ready and has no valid values) and
-/// the commands and settings of `control`. A read of several registers is one consistent snapshot; register 3 (age) is
+/// Serves the latest RegisterImage published for each finger (before the first: a block that is not ready and has no
+/// valid values) with the commands and settings of its Control under its own unit id, and a block that gathers all
+/// fingers under every one of them. A read of several registers is one consistent snapshot; register 3 (age) is
 /// computed when it is read. No client, whatever it sends or leaves unread, makes the server allocate memory or delays
 /// other clients by more than the time that one of its requests takes. ClientPlaces and TcpClient say what one gets.
 class ModbusServer {
  public:
   /// Opens the port; throws std::system_error naming address and port (in use, not an IPv4 address, not permitted).
   /// A serial line that cannot be opened is not an error; `report` gets the reason, see SerialLine.
-  /// `control` must outlive the server.
+  /// `controls`: 1 to 4 fingers, in the order of their unit ids; they must outlive the server.
+  ModbusServer(const ModbusSettings& settings, std::span<Control* const> controls,
+               const std::function<void(const std::string&)>& report = {});
   ModbusServer(const ModbusSettings& settings, Control& control,
                const std::function<void(const std::string&)>& report = {});
   ~ModbusServer();  ///< stops the threads and closes every connection
-  /// Wait-free, from one thread at a time.
-  void publish(const RegisterImage& image) noexcept;
+  /// Wait-free, from one thread at a time for each finger.
+  void publish(const RegisterImage& image, std::size_t finger = 0) noexcept;
   int port() const;
 
  private:

@@ -31,6 +31,13 @@ Answer done_or(const std::optional<Refusal>& refusal) {
   return refusal ? refused(*refusal) : json_answer({{"done", true}});
 }
 
+/// {"own": name, "fingers": [{"name", "port"}]} for the chooser.
+std::string fingers_json(const Settings& own, std::span<const Settings> all) {
+  json fingers = json::array();
+  for (const Settings& finger : all) fingers.push_back({{"name", finger.name}, {"port", finger.page->port}});
+  return json{{"own", own.name}, {"fingers", fingers}}.dump();
+}
+
 Answer not_found() { return refused({404, "There is nothing under this address."}); }
 
 /// A member that must be a text; empty if it is not.
@@ -51,7 +58,7 @@ Identity identity_in(const json& about) {
 }  // namespace
 
 Api::Api(const Settings& settings, Device& device, Setup& setup, BadPictures& bad_pictures,
-         std::span<const Asset> assets)
+         std::span<const Asset> assets, std::span<const Settings> fingers)
     : settings_(settings),
       device_(device),
       setup_(setup),
@@ -60,6 +67,7 @@ Api::Api(const Settings& settings, Device& device, Setup& setup, BadPictures& ba
       updates_(settings.page->updates, kRelease, kRestarts),
       assets_(assets),
       recordings_(settings.recordings),
+      fingers_(fingers_json(settings, fingers)),
       table_(register_table_json().dump()) {}
 
 Answer Api::handle(const Request& request) {
@@ -85,6 +93,7 @@ Answer Api::get(const Request& request) {
   if (path == "/api/events") return {.is_event_stream = true};
   if (path == "/api/state") return json_answer(device_.values());
   if (path == "/api/registers") return {.body = table_};
+  if (path == "/api/fingers") return {.body = fingers_};
   if (path == "/api/about") {
     std::string about = device_.about();
     if (about.empty()) return refused({503, "finsightd publishes nothing: it is not running, or is in safe mode."});
@@ -212,8 +221,10 @@ json Api::diagnostics() {
 /// What finsightd has said, the end of it.
 std::string Api::log() const {
   std::string text;
+  const std::filesystem::path& own = settings_.page->folder;
+  const std::filesystem::path folder = settings_.name.empty() ? own : own.parent_path();  // of the board
   for (const char* name : {kLogBefore, kLogName}) {
-    std::ifstream in(settings_.page->folder / name);
+    std::ifstream in(folder / name);
     text.append(std::istreambuf_iterator<char>(in), {});
   }
   return text;

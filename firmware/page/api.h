@@ -25,7 +25,9 @@ std::span<const Asset> assets();  ///< made by embed.py
 
 class Api {
  public:
-  Api(const Settings& settings, Device& device, Setup& setup, BadPictures& bad_pictures, std::span<const Asset> assets);
+  /// `settings`: of the finger that this page is of. `fingers`: of all, for the chooser; empty: it is the only one.
+  Api(const Settings& settings, Device& device, Setup& setup, BadPictures& bad_pictures, std::span<const Asset> assets,
+      std::span<const Settings> fingers = {});
   /// Any request whatever; never throws.
   Answer handle(const Request& request);
   /// Where the bytes of an update go.
@@ -53,7 +55,8 @@ class Api {
   Updates updates_;
   const std::span<const Asset> assets_;
   const Recordings recordings_;
-  const std::string table_;  ///< the register table as JSON
+  const std::string fingers_;  ///< names and ports of all fingers' pages, as JSON
+  const std::string table_;    ///< the register table as JSON
   // The newest picture, compressed once for all browsers.
   std::uint64_t jpeg_number_ = 0;
   Answer jpeg_;

@@ -72,8 +72,7 @@ json frame_json(const PublishedFrame& frame, std::int64_t now_ns) {
 Device::Device(const Settings& settings)
     : folder_(settings.page->folder),
       key_(settings.write_key),
-      client_(reachable(settings.modbus.address), settings.modbus.port,
-              settings.modbus.unit ? settings.modbus.unit : 255, kAnswerTime_ms),
+      client_(reachable(settings.modbus.address), settings.modbus.port, settings.unit, kAnswerTime_ms),
       sequence_(static_cast<std::uint16_t>(std::random_device()())) {}
 
 /// Opens the block again where finsightd has started again. Null: there is none.
@@ -102,7 +101,7 @@ const Device::Words& Device::registers(std::int64_t not_older_ns) {
   };
   const bool good = read(0, words_.measurements) && read(kControlAddress, words_.control) &&
                     read(kProcessAddress, words_.process) && read(kHistoryAddress, words_.history) &&
-                    read(kDiagnosticsAddress, words_.diagnostics);
+                    read(kGatheredAddress, words_.gathered) && read(kDiagnosticsAddress, words_.diagnostics);
   if (good) words_.error.clear();
   words_.read_ns = steady_now_ns();
   return words_;
@@ -127,13 +126,9 @@ std::string Device::registers_event() {
   }
   const std::lock_guard guard(modbus_mutex_);
   const Words& words = registers(kOldRegisters_ns);
-  return json{{"error", words.error},
-              {"block_error", block_error},
-              {"measurements", words.measurements},
-              {"control", words.control},
-              {"process", words.process},
-              {"history", words.history},
-              {"diagnostics", words.diagnostics}}
+  return json{{"error", words.error},       {"block_error", block_error},      {"measurements", words.measurements},
+              {"control", words.control},   {"process", words.process},        {"history", words.history},
+              {"gathered", words.gathered}, {"diagnostics", words.diagnostics}}
       .dump();
 }
 
@@ -149,6 +144,7 @@ json Device::values() {
     add_values(kRegisterTable.control, words.control, low_word_first, values);
     add_values(kRegisterTable.process, words.process, low_word_first, values);
     add_values(kRegisterTable.history, words.history, low_word_first, values);
+    add_values(kRegisterTable.gathered, words.gathered, low_word_first, values);
     add_values(kRegisterTable.diagnostics, words.diagnostics, low_word_first, values);
   }
   return values;

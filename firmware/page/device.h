@@ -56,6 +56,7 @@ class Device {
     std::array<std::uint16_t, kControlRegisters> control{};
     std::array<std::uint16_t, kProcessBlockRegisters> process{};
     std::array<std::uint16_t, kHistoryRegisters> history{};
+    std::array<std::uint16_t, kGatheredRegisters> gathered{};
     std::array<std::uint16_t, kDiagnosticsRegisters> diagnostics{};
     std::string error = "not read yet";
     std::int64_t read_ns = 0;

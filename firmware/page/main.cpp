@@ -12,6 +12,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -29,10 +30,11 @@ namespace {
 using namespace finsight;
 
 constexpr const char* kUsage =
-    "finsight-page: the commissioning page of a finger, for a browser.\n"
+    "finsight-page: the commissioning page of each finger, for a browser.\n"
     "\n"
     "usage: finsight-page --settings FILE [--user FILE]\n"
-    "  --settings FILE   finsightd's board file, whose [page] says where to listen; see boards/replay/board.toml\n"
+    "  --settings FILE   finsightd's board file, whose [page] says where to listen; see boards/replay/board.toml.\n"
+    "                    Of several fingers the first has that port, the others the next ones\n"
     "  --user FILE       its values replace the board file's\n"
     "  --help, --version\n"
     "\n"
@@ -63,17 +65,17 @@ Arguments parse(int argc, char** argv) {
 }
 
 /// A device with wrong settings needs its page most.
-Settings settings_of(const Arguments& arguments) {
+std::vector<Settings> settings_of(const Arguments& arguments) {
   const SettingsFiles files(arguments.settings, arguments.user);
-  Settings settings;
+  std::vector<Settings> fingers;
   try {
-    settings = read_settings(files);
+    fingers = read_fingers(files);
   } catch (const InputError& error) {
     log_line(error.what());
-    settings = read_usable_settings(files);
+    fingers = {read_usable_settings(files)};
   }
-  if (!settings.page) throw InputError(arguments.settings, "has no usable [page], so there is no page");
-  return settings;
+  if (!fingers[0].page) throw InputError(arguments.settings, "has no usable [page], so there is no page");
+  return fingers;
 }
 
 /// The addresses by which this machine may be reached, for the console.
@@ -113,30 +115,49 @@ class Signpost {
   std::vector<std::string> said_;
 };
 
-void serve(const Settings& settings) {
-  page::Device device(settings);
-  page::Setup setup(settings, device);
-  page::BadPictures bad_pictures;
-  page::Api api(settings, device, setup, bad_pictures, page::assets());
-  page::HttpServer server(
-      *settings.page, [&](const page::Request& request) { return api.handle(request); },
-      [&](const page::Request& request, std::uint64_t bytes) { return api.begin_update(request, bytes); });
-  Signpost signpost(*settings.page);
-  std::int64_t registers_ns = 0, closed_ns = 0;
+/// The page of one finger, at a port of its own.
+class FingerPage {
+ public:
+  FingerPage(const Settings& settings, const std::vector<Settings>& fingers)
+      : device_(settings),
+        setup_(settings, device_),
+        api_(settings, device_, setup_, bad_pictures_, page::assets(), fingers),
+        server_(
+            *settings.page, [this](const page::Request& request) { return api_.handle(request); },
+            [this](const page::Request& request, std::uint64_t bytes) { return api_.begin_update(request, bytes); }),
+        signpost_(*settings.page) {}
+
+  /// Once every kEvery.
+  void look(std::int64_t now_ns) {
+    if (now_ns - closed_ns_ >= kCloseEvery_ns) {
+      server_.close_slow(now_ns);
+      signpost_.look();
+      closed_ns_ = now_ns;
+    }
+    bad_pictures_.look(device_, now_ns);
+    if (server_.streams() == 0) return;
+    if (const std::string event = device_.new_frame_event(); !event.empty()) server_.send_event(0, "frame", event);
+    if (now_ns - registers_ns_ < kRegistersEvery_ns) return;
+    registers_ns_ = now_ns;
+    server_.send_event(1, "registers", device_.registers_event());
+  }
+
+ private:
+  page::Device device_;
+  page::Setup setup_;
+  page::BadPictures bad_pictures_;
+  page::Api api_;
+  page::HttpServer server_;
+  Signpost signpost_;
+  std::int64_t registers_ns_ = 0, closed_ns_ = 0;
+};
+
+void serve(const std::vector<Settings>& fingers) {
+  std::vector<std::unique_ptr<FingerPage>> pages;
+  for (const Settings& finger : fingers) pages.push_back(std::make_unique<FingerPage>(finger, fingers));
   while (!stop_requested) {
     std::this_thread::sleep_for(kEvery);
-    const std::int64_t now_ns = steady_now_ns();
-    if (now_ns - closed_ns >= kCloseEvery_ns) {
-      server.close_slow(now_ns);
-      signpost.look();
-      closed_ns = now_ns;
-    }
-    bad_pictures.look(device, now_ns);
-    if (server.streams() == 0) continue;
-    if (const std::string event = device.new_frame_event(); !event.empty()) server.send_event(0, "frame", event);
-    if (now_ns - registers_ns < kRegistersEvery_ns) continue;
-    registers_ns = now_ns;
-    server.send_event(1, "registers", device.registers_event());
+    for (const auto& page : pages) page->look(steady_now_ns());
   }
 }
 

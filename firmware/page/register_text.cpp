@@ -10,7 +10,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::array<const char*, 5> kBlockNames = {"measurements", "control", "process", "history", "diagnostics"};
+constexpr std::array<const char*, 6> kBlockNames = {"measurements", "control",  "process",
+                                                    "history",      "gathered", "diagnostics"};
 
 const char* name_of(RegisterType type) {
   switch (type) {

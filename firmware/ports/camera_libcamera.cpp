@@ -15,6 +15,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
+#include <mutex>
 #include <vector>
 
 #include "firmware/input_error.h"
@@ -182,11 +184,40 @@ libcamera::ControlList choose_controls(const libcamera::Camera& camera, const Li
   return list;
 }
 
+/// The one manager that libcamera allows in a process; it runs while any finger has or opens a camera.
+class ManagerInUse {
+ public:
+  ManagerInUse() {
+    const std::lock_guard lock(mutex_);
+    if (users_ == 0) {
+      manager_ = std::make_unique<libcamera::CameraManager>();
+      if (manager_->start() != 0) {
+        manager_.reset();
+        throw InputError("camera", "libcamera cannot look for cameras");
+      }
+    }
+    ++users_;
+  }
+  ~ManagerInUse() {
+    const std::lock_guard lock(mutex_);
+    if (--users_ > 0) return;
+    manager_->stop();
+    manager_.reset();
+  }
+  ManagerInUse(const ManagerInUse&) = delete;
+  ManagerInUse& operator=(const ManagerInUse&) = delete;
+  libcamera::CameraManager& operator*() const { return *manager_; }
+
+ private:
+  inline static std::mutex mutex_;
+  inline static int users_ = 0;
+  inline static std::unique_ptr<libcamera::CameraManager> manager_;
+};
+
 class LibcameraCamera : public Camera {
  public:
   LibcameraCamera(const LiveCameraSettings& settings, const std::function<void(const std::string&)>& report)
       : settings_(settings) {
-    if (manager_.start() != 0) throw InputError("camera", "libcamera cannot look for cameras");
     try {
       report("camera: " + open());
     } catch (...) {
@@ -248,8 +279,9 @@ class LibcameraCamera : public Camera {
 
   /// Says what was chosen.
   std::string open() {
-    camera_ = find_camera(manager_, settings_.name);
-    if (camera_->acquire() != 0) throw InputError("camera", label(*camera_) + " is in use by another program");
+    camera_ = find_camera(*manager_, settings_.name);
+    if (camera_->acquire() != 0)
+      throw InputError("camera", label(*camera_) + " is in use by another finger or program");
     const auto configuration = camera_->generateConfiguration({libcamera::StreamRole::VideoRecording});
     if (!configuration || configuration->empty()) throw InputError("camera", label(*camera_) + " gives no video");
     const std::string why = choose_mode(*camera_, *configuration, settings_);
@@ -299,7 +331,6 @@ class LibcameraCamera : public Camera {
     allocator_.reset();
     if (camera_) camera_->release();
     camera_.reset();
-    manager_.stop();
   }
 
   // The two handlers run in libcamera's thread.
@@ -367,7 +398,7 @@ class LibcameraCamera : public Camera {
   }
 
   LiveCameraSettings settings_;
-  libcamera::CameraManager manager_;
+  const ManagerInUse manager_;  // before the camera, which must not outlive it
   std::shared_ptr<libcamera::Camera> camera_;
   libcamera::Stream* stream_ = nullptr;
   int stride_bytes_ = 0;

@@ -315,6 +315,18 @@ void read_storage(TomlTable table, Settings& settings) {
   table.finish();
 }
 
+/// Files and folders that the board file names are those of the only finger.
+void store_under_name(Settings& settings) {
+  const std::string& name = settings.name;
+  if (std::filesystem::path& file = settings.saved_state; !file.empty()) {
+    file.replace_filename(file.stem().string() + "-" + name + file.extension().string());
+  }
+  if (!settings.recordings.empty()) settings.recordings /= name;
+  if (!settings.page) return;
+  settings.page->folder /= name;
+  if (!settings.page->measured.empty()) settings.page->measured /= name;
+}
+
 }  // namespace
 
 SettingsFiles::SettingsFiles(const std::filesystem::path& board, const std::filesystem::path& user) {
@@ -332,9 +344,9 @@ TomlTable SettingsFiles::merged() const {
   return versions_.front();
 }
 
-Settings read_settings(const SettingsFiles& files) {
-  TomlTable root = files.merged();
+Settings read_finger(TomlTable root, const std::string& name) {
   Settings settings;
+  settings.name = name;
   settings.pack = root.path("pack");
   read_source(root.table("source"), settings);
   if (root.has("shape")) read_shape(root.table("shape"), settings.loop.shape);
@@ -358,6 +370,7 @@ Settings read_settings(const SettingsFiles& files) {
   if (root.has("device")) read_device(root.table("device"), settings);
   if (root.has("mount")) settings.mount = read_measured_mount(table_or_measured_file(root, "mount", settings));
   root.finish();
+  if (!name.empty()) store_under_name(settings);
   if (settings.page && !settings.page->measured.empty()) use_measured(settings.page->measured, settings);
   return settings;
 }
@@ -379,7 +392,7 @@ void read_usable(const SettingsFiles& files, const char* name, const Read& read)
       if (root.has(name)) read(root.table(name));
       return;
     } catch (const InputError&) {
-      // read_settings() says what is wrong with it.
+      // read_fingers() says what is wrong with it.
     }
   }
 }
@@ -408,6 +421,10 @@ Settings read_usable_settings(const SettingsFiles& files) {
   });
   read_usable(files, "gpio", [&](TomlTable table) { settings.gpio = read_gpio(std::move(table)); });
   return settings;
+}
+
+std::optional<GpioSettings> read_outputs(TomlTable root) {
+  return root.has("gpio") ? std::optional(read_gpio(root.table("gpio"))) : std::nullopt;
 }
 
 }  // namespace finsight

@@ -30,7 +30,7 @@ struct NetworkSettings {
 /// Of finsight-page, the commissioning page; finsightd publishes for it.
 struct PageSettings {
   std::string address = "127.0.0.1";  ///< IPv4 address to listen on; "0.0.0.0" for all
-  int port = 80;
+  int port = 80;                                        ///< of the first finger; the others' follow it
   bool local_link_only = false;                         ///< answers do not pass a router
   std::vector<Network> allow = {};                      ///< who may look; empty: everybody
   std::vector<Network> allow_writes = {};               ///< who of them may write with the key; empty: all
@@ -46,7 +46,10 @@ inline constexpr const char *kMeasuredLens = "lens.toml", *kMeasuredMount = "mou
 /// Settings and zero that were imported: at its next start finsightd saves them as its own and removes the file.
 inline constexpr const char* kImportedState = "state.toml";
 
+/// Of one finger, with what it shares with the board's others.
 struct Settings {
+  std::string name;  ///< of the finger; empty: it is the board's only one
+  int unit = 255;    ///< under which it is reached over Modbus TCP
   std::filesystem::path pack;
   enum class Source { kSession, kPoses, kCamera } source = Source::kSession;
   ReplaySettings replay;      ///< of a session or poses
@@ -88,17 +91,29 @@ class SettingsFiles {
   std::optional<InputError> error_;
 };
 
-/// Strict: throws InputError with file:line, key, found and expected. Relative paths start at the folder of the file
-/// that they stand in.
+/// Of every finger, in the order of their unit ids: 1 to 4. Without [[finger]] the file is that of one finger. A
+/// [[finger]] table says what the file of one finger says of it, and what it leaves out is that of the file's top; what
+/// it stores goes under its name. Strict: throws InputError with file:line, key, found and expected, also for what two
+/// fingers cannot share. Relative paths start at the folder of the file that they stand in.
+std::vector<Settings> read_fingers(const SettingsFiles& files);
+/// Of the first finger.
 Settings read_settings(const SettingsFiles& files);
 
 /// [network] alone, whatever the rest is like: a device that cannot work must still be found in the network. Throws
-/// InputError like read_settings().
+/// InputError like read_fingers().
 NetworkSettings read_network_settings(const SettingsFiles& files);
 
-/// For when read_settings() fails: [modbus], [storage] and [gpio], each on its own. Where the user's is not valid, the
+/// For when read_fingers() fails: [modbus], [storage] and [gpio], each on its own. Where the user's is not valid, the
 /// board file's; where that is not valid either, the default (Modbus on 0.0.0.0:502, nothing saved, no outputs). Never
 /// throws InputError.
 Settings read_usable_settings(const SettingsFiles& files);
+
+/// The same for each finger of the file, of which [gpio] is taken from its own table where that is valid.
+std::vector<Settings> read_usable_fingers(const SettingsFiles& files);
+/// [gpio] of a board file, or of a [[finger]] table over it; nothing if it has none. Throws InputError.
+std::optional<GpioSettings> read_outputs(TomlTable root);
+
+/// One finger's: of a whole board file, or of a [[finger]] table over it.
+Settings read_finger(TomlTable root, const std::string& name);
 
 }  // namespace finsight

@@ -61,8 +61,8 @@ std::string range_text(const char* kind, double lowest, double highest) {
 
 }  // namespace
 
-TomlTable::TomlTable(Place changes, Place base, std::string name)
-    : changes_(std::move(changes)), base_(std::move(base)), name_(std::move(name)) {}
+TomlTable::TomlTable(std::vector<Place> layers, std::string name)
+    : layers_(std::move(layers)), name_(std::move(name)) {}
 
 namespace {
 
@@ -102,25 +102,26 @@ TomlTable TomlTable::parse_file(const std::filesystem::path& file) {
   const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   if (!in) throw InputError(file.string(), "cannot be read");
   document->root = parsed(text, file.string());
-  return TomlTable({}, {document, &document->root}, "");
+  return TomlTable({{document, &document->root}}, "");
 }
 
 TomlTable TomlTable::parse_text(const std::string& text, const std::string& name) {
   auto document = std::make_shared<Document>();
   document->file = name;
   document->root = parsed(text, name);
-  return TomlTable({}, {document, &document->root}, "");
+  return TomlTable({{document, &document->root}}, "");
 }
 
 TomlTable TomlTable::merged(const TomlTable& changes, const TomlTable& base) {
-  return TomlTable(changes.base_, base.base_, "");
+  std::vector<Place> layers = changes.layers_;
+  layers.insert(layers.end(), base.layers_.begin(), base.layers_.end());
+  return TomlTable(std::move(layers), "");
 }
 
-/// The node of a key, from the changes if it is there; null if neither has it.
+/// The node of a key, from the first table that has it; null if none does.
 const void* TomlTable::lookup(const std::string& key) const {
-  for (const Place* place : {&changes_, &base_}) {
-    if (!place->node) continue;
-    if (const toml::node* node = as_table(place->node).get(key)) return node;
+  for (const Place& place : layers_) {
+    if (const toml::node* node = as_table(place.node).get(key)) return node;
   }
   return nullptr;
 }
@@ -128,7 +129,7 @@ const void* TomlTable::lookup(const std::string& key) const {
 bool TomlTable::has(const std::string& key) const { return lookup(key) != nullptr; }
 
 std::string TomlTable::where(const std::string& key) const {
-  const Place& place = base_.node ? base_ : changes_;
+  const Place& place = layers_.back();
   const void* node = key.empty() ? nullptr : lookup(key);
   const toml::source_region& source = node ? as_node(node).source() : as_table(place.node).source();
   const std::string& file = source.path ? *source.path : place.document->file;
@@ -222,21 +223,21 @@ std::filesystem::path TomlTable::path(const std::string& key) {
   const std::filesystem::path given = text(key);
   if (given.empty()) throw InputError(where(key), name_ + key, "\"\"", "a path");
   const toml::source_path_ptr& file = as_node(lookup(key)).source().path;
-  const auto folder = file ? std::filesystem::path(*file).parent_path() : base_.document->folder;
+  const auto folder = file ? std::filesystem::path(*file).parent_path() : layers_.back().document->folder;
   return given.is_absolute() ? given : folder / given;
 }
 
 TomlTable TomlTable::table(const std::string& key) {
   const void* node = find(key, "a table", true);
   if (!as_node(node).is_table()) throw InputError(where(key), name_ + key, shown(as_node(node)), "a table");
-  const auto inner = [&](const Place& place) {
-    const toml::node* found = place.node ? as_table(place.node).get(key) : nullptr;
-    return Place{place.document, found ? found->as_table() : nullptr};
-  };
-  const Place changes = inner(changes_), base = inner(base_);
-  if (!changes.node) return TomlTable({}, base, name_ + key + ".");
-  const bool replaces = !base.node || as_table(changes.node).contains("kind");
-  return TomlTable(replaces ? Place{} : changes, replaces ? changes : base, name_ + key + ".");
+  std::vector<Place> inner;
+  for (const Place& place : layers_) {
+    const toml::node* found = as_table(place.node).get(key);
+    const toml::table* table = found ? found->as_table() : nullptr;
+    if (table) inner.push_back({place.document, table});
+    if (table && table->contains("kind")) break;
+  }
+  return TomlTable(std::move(inner), name_ + key + ".");
 }
 
 TomlTable TomlTable::table_or_file(const std::string& key) {
@@ -250,19 +251,18 @@ std::vector<TomlTable> TomlTable::tables(const std::string& key) {
   if (!array || array->empty() || !array->is_homogeneous(toml::node_type::table)) {
     throw InputError(where(key), name_ + key, shown(as_node(node)), "an array of tables");
   }
-  const bool is_changed = changes_.node && as_table(changes_.node).contains(key);
-  const std::shared_ptr<Document>& document = is_changed ? changes_.document : base_.document;
+  const auto has_key = [&](const Place& place) { return as_table(place.node).contains(key); };
+  const std::shared_ptr<Document>& document = std::ranges::find_if(layers_, has_key)->document;
   std::vector<TomlTable> result;
   for (const toml::node& item : *array) {
-    result.push_back(TomlTable({}, {document, item.as_table()}, name_ + key + "."));
+    result.push_back(TomlTable({{document, item.as_table()}}, name_ + key + "."));
   }
   return result;
 }
 
 void TomlTable::finish() const {
-  for (const Place* place : {&changes_, &base_}) {
-    if (!place->node) continue;
-    for (const auto& [key, node] : as_table(place->node)) {
+  for (const Place& place : layers_) {
+    for (const auto& [key, node] : as_table(place.node)) {
       const std::string name(key.str());
       if (std::find(asked_.begin(), asked_.end(), name) != asked_.end()) continue;
       throw InputError(where(name), name_ + name, "an unknown key", "known keys only");

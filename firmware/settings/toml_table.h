@@ -11,7 +11,7 @@
 
 namespace finsight {
 
-/// A table of a TOML file, or of two merged ones, that knows where its values stand. All readers throw InputError
+/// A table of a TOML file, or of several merged ones, that knows where its values stand. All readers throw InputError
 /// naming file:line, the key, what was found and what was expected. Call finish() on every table when all keys have
 /// been read.
 class TomlTable {
@@ -22,7 +22,7 @@ class TomlTable {
 
   /// Both as one table: the values of `changes`, and those of `base` for keys that `changes` does not have. Tables of
   /// the same name are merged likewise, except that one with a key "kind" replaces the other as a whole. Neither is
-  /// altered. Messages name the file that a value came from.
+  /// altered. Messages name the file that a value came from. Either may be an inner table or a merged one.
   static TomlTable merged(const TomlTable& changes, const TomlTable& base);
 
   bool has(const std::string& key) const;
@@ -46,6 +46,8 @@ class TomlTable {
   TomlTable table_or_file(const std::string& key);
   std::vector<TomlTable> tables(const std::string& key);  ///< [[key]], in file order; at least one
 
+  /// Of keys that another reader has taken.
+  void has_been_read(const std::vector<std::string>& keys) { asked_.insert(asked_.end(), keys.begin(), keys.end()); }
   /// Throws for every key that nobody asked for. Inner tables have a finish() of their own.
   void finish() const;
   /// "file:line" of a key, or of the table itself; for messages of the caller's own checks.
@@ -55,14 +57,14 @@ class TomlTable {
   struct Document;
   struct Place {
     std::shared_ptr<Document> document;
-    const void* node = nullptr;  ///< toml::table inside the document; null: there is none
+    const void* node;  ///< toml::table inside the document
   };
-  TomlTable(Place changes, Place base, std::string name);
+  TomlTable(std::vector<Place> layers, std::string name);
   const void* lookup(const std::string& key) const;
   const void* find(const std::string& key, const char* expected, bool required);
 
-  Place changes_, base_;  ///< a table of a single file is a base without changes
-  std::string name_;      ///< dotted path of this table
+  std::vector<Place> layers_;  ///< one per merged table, of which the first that has a key gives its value
+  std::string name_;           ///< dotted path of this table
   std::vector<std::string> asked_;
 };
 

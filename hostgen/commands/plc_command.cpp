@@ -51,6 +51,7 @@ void update_tree(const fs::path& root) {
   rewrite_section(root / "firmware/modbus/README.md", "control", control_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "process", process_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "history", history_markdown());
+  rewrite_section(root / "firmware/modbus/README.md", "gathered", gathered_markdown());
   rewrite_section(root / "firmware/modbus/README.md", "diagnostics", diagnostics_markdown());
 }
 

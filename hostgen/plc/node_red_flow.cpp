@@ -1,4 +1,5 @@
 // The register table as a Node-RED flow: the nodes as they are, their JavaScript and their addresses from the table.
+#include <span>
 #include <sstream>
 #include <string_view>
 
@@ -10,8 +11,8 @@ namespace finsight::host {
 
 namespace {
 
-std::string converted(const RegisterRow& row) {
-  const std::string at = std::to_string(row.address);
+std::string converted(const RegisterRow& row, int first) {
+  const std::string at = std::to_string(row.address - first);
   if (is_float(row)) return std::string("real(") + at + ")";
   if (words_of(row.type) == 2) return std::string("pair(") + at + ")";
   std::ostringstream text;
@@ -20,24 +21,51 @@ std::string converted(const RegisterRow& row) {
   return text.str();
 }
 
-std::string bit(const RegisterRow& row, const NamedValue& value) {
-  return std::string("bit(") + std::to_string(row.address) + ", " + std::to_string(value.value) + ")";
+std::string bit(const RegisterRow& row, const NamedValue& value, int first) {
+  return std::string("bit(") + std::to_string(row.address - first) + ", " + std::to_string(value.value) + ")";
 }
 
-std::string value_or_null(const RegisterRow& row) {
-  if (!row.may_be_invalid() || is_float(row)) return converted(row);  // real() gives null for NaN
+std::string value_or_null(const RegisterRow& row, int first) {
+  if (!row.may_be_invalid() || is_float(row)) return converted(row, first);  // real() gives null for NaN
   const char* const invalid = row.type == RegisterType::kInt16 ? "0x8000" : "0xFFFF";
-  return std::string("w[") + std::to_string(row.address) + "] === " + invalid + " ? null : " + converted(row);
+  return std::string("w[") + std::to_string(row.address - first) + "] === " + invalid +
+         " ? null : " + converted(row, first);
 }
 
 /// `name_text`: what a code means, in words.
-std::string code_text(const RegisterRow& row) {
+std::string code_text(const RegisterRow& row, int first) {
   std::string names;
   for (const NamedValue& value : row.values) {
     if (!names.empty()) names += ", ";
     names += std::to_string(value.value) + ": '" + label_of(value) + "'";
   }
-  return std::string("  ") + row.name + "_text: {" + names + "}[w[" + std::to_string(row.address) + "]],\n";
+  return std::string("  ") + row.name + "_text: {" + names + "}[w[" + std::to_string(row.address - first) + "]],\n";
+}
+
+/// The values of a block, of which w[0] is the first register.
+std::string values_of(std::span<const RegisterRow> rows) {
+  const int first = rows.front().address;
+  std::ostringstream text;
+  for (const RegisterRow& row : rows) {
+    if (is_reserved(row)) continue;
+    if (is_bits(row)) {
+      for (const NamedValue& value : row.values) {
+        text << "  " << variable_of(row, value) << ": " << bit(row, value, first) << ",\n";
+      }
+      continue;
+    }
+    text << "  " << variable_of(row) << ": " << value_or_null(row, first) << ",\n";
+    if (row.kind == RegisterKind::kCode) text << code_text(row, first);
+  }
+  return text.str();
+}
+
+/// The same for the block of all fingers, which has single words only.
+std::string gripper_scaling(const RegisterTable& table) {
+  return std::string("// ") + kOrigin +
+         "\nconst w = msg.payload;\nconst bit = (r, n) => (w[r] >> n & 1) === 1;\n"
+         "const signed = v => v > 32767 ? v - 65536 : v;\nmsg.payload = {\n" +
+         values_of(table.gathered) + "};\nreturn msg;";
 }
 
 /// JavaScript of the node that scales a block: variables have the names that they have in Structured Text.
@@ -58,17 +86,7 @@ std::string scaling(const RegisterTable& table) {
           "  return Number.isNaN(value) ? null : value;\n"
           "};\n"
           "msg.payload = {\n";
-  for (const RegisterRow& row : table.measurements) {
-    if (is_reserved(row)) continue;
-    if (is_bits(row)) {
-      for (const NamedValue& value : row.values) {
-        text << "  " << variable_of(row, value) << ": " << bit(row, value) << ",\n";
-      }
-      continue;
-    }
-    text << "  " << variable_of(row) << ": " << value_or_null(row) << ",\n";
-    if (row.kind == RegisterKind::kCode) text << code_text(row);
-  }
+  text << values_of(table.measurements);
   text << "};\nreturn msg;";
   return text.str();
 }
@@ -121,6 +139,16 @@ constexpr const char* kFlow = R"([
   "outputs": 1, "wires": [["finsight-show"]], "x": 550, "y": 80},
  {"id": "finsight-show", "type": "debug", "z": "finsight-tab", "name": "show", "active": true, "tosidebar": true,
   "console": false, "complete": "payload", "wires": [], "x": 700, "y": 80},
+ {"id": "finsight-read-all", "type": "modbus-read", "z": "finsight-tab", "name": "all fingers", "topic": "",
+  "showStatusActivities": false, "logIOActivities": false, "showErrors": true, "showWarnings": true, "unitid": "1",
+  "dataType": "InputRegister", "adr": "$GATHERED_ADDRESS", "quantity": "$GATHERED", "rate": "100", "rateUnit": "ms",
+  "delayOnStart": false, "startDelayTime": "", "server": "finsight-dev", "useIOFile": false, "ioFile": "",
+  "useIOForPayload": false, "emptyMsgOnFail": false, "wires": [["finsight-scale-all"], []], "x": 400, "y": 480},
+ {"id": "finsight-scale-all", "type": "function", "z": "finsight-tab", "name": "scale",
+  "func": $GRIPPER_SCALING,
+  "outputs": 1, "wires": [["finsight-show-all"]], "x": 550, "y": 480},
+ {"id": "finsight-show-all", "type": "debug", "z": "finsight-tab", "name": "show all fingers", "active": false,
+  "tosidebar": true, "console": false, "complete": "payload", "wires": [], "x": 750, "y": 480},
  {"id": "finsight-go", "type": "inject", "z": "finsight-tab", "once": false, "onceDelay": 2, "repeat": "",
   "payload": "$KEY", "payloadType": "num", "wires": [["finsight-unlock"]], "x": 100, "y": 160,
   "name": "set hold_time to 200 ms: unlock, then write"},
@@ -169,6 +197,9 @@ std::string node_red_flow(const RegisterTable& table) {
     flow = flow.substr(0, at) + value + flow.substr(at + name.size());
   };
   fill_in("$MEASUREMENTS", std::to_string(kMeasurementRegisters));
+  fill_in("$GATHERED_ADDRESS", std::to_string(kGatheredAddress));
+  fill_in("$GATHERED", std::to_string(kGatheredRegisters));
+  fill_in("$GRIPPER_SCALING", json_string(gripper_scaling(table)));
   fill_in("$SCALING", json_string(scaling(table)));
   fill_in("$KEY_ADDRESS", std::to_string(kKeyRegister));
   fill_in("$KEY", std::to_string(kDefaultWriteKey));

@@ -2,64 +2,13 @@
 #include <span>
 #include <sstream>
 
+#include "hostgen/plc/dialect.h"
 #include "hostgen/plc/plc_files.h"
 #include "hostgen/plc/row_text.h"
 
 namespace finsight::host {
 
 namespace {
-
-/// How the two languages differ.
-struct Dialect {
-  const char* local;         ///< prefix of parameters and temporary variables
-  const char* target;        ///< prefix of the scaled values
-  const char* decode_real;   ///< function from the bits of a float32 to a REAL
-  const char* shift_before;  ///< text around the operand of a shift by 16 bits to the left
-  const char* shift_after;
-  const char* comment_begin;
-  const char* comment_end;
-};
-constexpr Dialect kStructuredText = {"", "", "FC_FinsightReal", "SHL(", ", 16)", "(* ", " *)"};
-constexpr Dialect kScl = {"#", "#values.", "DWORD_TO_REAL", "SHL(IN := ", ", N := 16)", "// ", ""};
-
-bool is_scaled(const RegisterRow& row) { return row.scale != 1 || row.type == RegisterType::kInt16; }
-
-std::string hexadecimal(std::uint32_t value) {
-  std::ostringstream text;
-  text << "16#" << std::hex << std::uppercase << value;
-  return text.str();
-}
-
-std::string word(const Dialect& dialect, int address) {
-  return std::string(dialect.local) + "words[" + std::to_string(address) + "]";
-}
-
-/// The variable that holds both words of a 32-bit register.
-std::string pair(const Dialect& dialect, const RegisterRow& row) {
-  return std::string(dialect.local) + "pair_" + std::to_string(row.address);
-}
-
-std::string converted(const Dialect& dialect, const RegisterRow& row) {
-  if (is_float(row)) return std::string(dialect.decode_real) + "(" + pair(dialect, row) + ")";
-  if (words_of(row.type) == 2) return std::string("DWORD_TO_UDINT(") + pair(dialect, row) + ")";
-  const std::string raw = word(dialect, row.address);
-  if (!is_scaled(row)) return std::string("WORD_TO_UINT(") + raw + ")";
-  const bool is_signed = row.type == RegisterType::kInt16;
-  std::ostringstream text;
-  text << (is_signed ? "INT_TO_REAL(WORD_TO_INT(" : "UINT_TO_REAL(WORD_TO_UINT(") << raw << "))";
-  if (row.scale != 1) text << " * " << row.scale;
-  return text.str();
-}
-
-std::string validity(const Dialect& dialect, const RegisterRow& row) {
-  if (is_float(row)) return std::string("(") + pair(dialect, row) + " AND DWORD#16#7F800000) <> DWORD#16#7F800000";
-  return word(dialect, row.address) + " <> WORD#16#" + (row.type == RegisterType::kInt16 ? "8000" : "FFFF");
-}
-
-std::string type_of(const RegisterRow& row) {
-  if (is_float(row) || is_scaled(row)) return "REAL";
-  return words_of(row.type) == 2 ? "UDINT" : "UINT";
-}
 
 /// Declarations of all values, one per line.
 std::string declarations(const RegisterTable& table, const Dialect& dialect, const std::string& indent) {
@@ -417,6 +366,7 @@ std::string structured_text(const RegisterTable& table) {
       << "\n   Read registers " << range_of(0, kMeasurementRegisters)
       << " with function 3 or 4 into a variable of type FinsightWords, then call FB_Finsight. *)\n\n"
       << "TYPE\n  FinsightWords : ARRAY [0.." << kMeasurementRegisters - 1
+      << "] OF WORD;\n  FinsightGripperWords : ARRAY [0.." << kGatheredRegisters - 1
       << "] OF WORD;\n  FinsightRequest : ARRAY [0..1] OF WORD;\nEND_TYPE\n"
       << kDecodeReal
       << "\n(* Call it after every read, or in every cycle. It may be called as slowly as you like: alive becomes "
@@ -432,7 +382,7 @@ std::string structured_text(const RegisterTable& table) {
       << pair_declarations(table) << "END_VAR\n"
       << alive_check(st) << pair_assignments(table, st) << word_order_check(st) << assignments(table, st)
       << "END_FUNCTION_BLOCK\n"
-      << command_block(table);
+      << command_block(table) << gripper_structured_text(table);
   return text.str();
 }
 
@@ -473,7 +423,7 @@ std::string siemens_scl(const RegisterTable& table) {
        << pair_declarations(table) << "END_VAR\nBEGIN\n"
        << alive_check(kScl) << pair_assignments(table, kScl) << word_order_check(kScl) << assignments(table, kScl)
        << "END_FUNCTION_BLOCK\n"
-       << scl_command_block(table) << example;
+       << scl_command_block(table) << gripper_scl(table) << example;
   return text.str();
 }
 

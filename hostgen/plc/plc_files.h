@@ -9,11 +9,13 @@
 
 namespace finsight::host {
 
-/// Markdown tables: the measurements; commands and settings; process helpers; the history of commands; diagnostics.
+/// Markdown tables: the measurements; commands and settings; process helpers; the history of commands; the block of all
+/// fingers; diagnostics.
 std::string measurements_markdown(const RegisterTable& table = kRegisterTable);
 std::string control_markdown(const RegisterTable& table = kRegisterTable);
 std::string process_markdown(const RegisterTable& table = kRegisterTable);
 std::string history_markdown(const RegisterTable& table = kRegisterTable);
+std::string gathered_markdown(const RegisterTable& table = kRegisterTable);
 std::string diagnostics_markdown(const RegisterTable& table = kRegisterTable);
 
 /// A Markdown table of faults: cause, effect, what ends them, what to do.

@@ -102,6 +102,7 @@ std::string measurements_markdown(const RegisterTable& table) { return block_mar
 std::string control_markdown(const RegisterTable& table) { return writable_markdown(table, table.control); }
 std::string process_markdown(const RegisterTable& table) { return writable_markdown(table, table.process); }
 std::string history_markdown(const RegisterTable& table) { return block_markdown(table, table.history); }
+std::string gathered_markdown(const RegisterTable& table) { return block_markdown(table, table.gathered); }
 std::string diagnostics_markdown(const RegisterTable& table) { return block_markdown(table, table.diagnostics); }
 
 std::string registers_csv(const RegisterTable& table) {

@@ -29,12 +29,15 @@ ZeroBasis basis() { return {model().checksum, poses_of(model().mount)}; }
 
 /// A device without a camera: a client's writes on one side, frames on the other.
 struct Device {
-  explicit Device(const std::filesystem::path& file = {}, const SavedState& saved = {})
+  explicit Device(const std::filesystem::path& file = {}, const SavedState& saved = {}, OtherFingers others = {})
       : loop(model(), std::nullopt, {.shape = {}, .runtime = saved.settings}),
         control(kDefaultWriteKey, RuntimeSettings{}, saved.settings) {
     if (!file.empty()) saver.emplace(file, basis());
     write(kKeyRegister, {kDefaultWriteKey});
-    commands.emplace(control, loop, saver ? &*saver : nullptr, nullptr, saved);
+    commands.emplace(control, loop, saver ? &*saver : nullptr, nullptr, saved, 100'000'000, others);
+  }
+  void give(Command command, std::uint16_t number) {
+    REQUIRE(write(kCommandRegister, {static_cast<std::uint16_t>(command), number}) == Exception::kNone);
   }
   Exception write(int address, std::vector<std::uint16_t> words) { return control.write(address, words, access, 0); }
   std::uint16_t read(int address) {
@@ -94,6 +97,40 @@ TEST_CASE("commands: a zero of a touched finger is not possible") {
   Device device;
   CHECK(device.result_of(Command::kZero, resting(5)) == 1);
   CHECK((device.frame(resting(1)).words[0] & kZeroed) == 0);
+}
+
+TEST_CASE("commands: zero all zeroes every finger, and its result is the worst") {
+  for (const float other_mm : {1.0F, 5.0F}) {  // 5 mm: it is touched
+    CAPTURE(other_mm);
+    ZeroTogether zeros(2);
+    Device left({}, {}, {&zeros, 0}), right({}, {}, {&zeros, 1});
+    left.give(Command::kZeroAll, 1);
+    bool left_zeroed = false, right_zeroed = false;
+    for (int i = 0; i < 300; ++i) {
+      left_zeroed = left.frame(resting(1)).words[0] & kZeroed;
+      right_zeroed = right.frame(resting(other_mm)).words[0] & kZeroed;
+    }
+    CHECK(left_zeroed);
+    CHECK(right_zeroed == (other_mm < 5));
+    CHECK(left.read(kResultSequenceRegister) == 1);
+    CHECK(left.read(kResultRegister) == (other_mm < 5 ? 0 : 1));
+    CHECK(right.read(kResultSequenceRegister) == 0);  // its own clients ordered nothing
+  }
+}
+
+TEST_CASE("commands: two fingers that order a zero of all at the same time both get it") {
+  ZeroTogether zeros(2);
+  Device left({}, {}, {&zeros, 0}), right({}, {}, {&zeros, 1});
+  left.give(Command::kZeroAll, 1);
+  right.give(Command::kZeroAll, 1);
+  for (int i = 0; i < 300; ++i) {
+    left.frame(resting(1));
+    right.frame(resting(1));
+  }
+  CHECK(left.read(kResultSequenceRegister) == 1);
+  CHECK(left.read(kResultRegister) == 0);
+  CHECK(right.read(kResultSequenceRegister) == 1);
+  CHECK(right.read(kResultRegister) == 0);
 }
 
 TEST_CASE("commands: a tare takes one frame and is refused while its value is not valid; a zero clears it") {

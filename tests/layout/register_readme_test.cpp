@@ -27,6 +27,7 @@ TEST_CASE("register README: its tables are those of the code") {
   CHECK_MESSAGE(with_section(readme, "control", control_markdown()) == readme, kHint);
   CHECK_MESSAGE(with_section(readme, "process", process_markdown()) == readme, kHint);
   CHECK_MESSAGE(with_section(readme, "history", history_markdown()) == readme, kHint);
+  CHECK_MESSAGE(with_section(readme, "gathered", gathered_markdown()) == readme, kHint);
   CHECK_MESSAGE(with_section(readme, "diagnostics", diagnostics_markdown()) == readme, kHint);
 }
 

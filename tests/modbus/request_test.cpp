@@ -59,7 +59,8 @@ TEST_CASE("request: a read succeeds exactly when the Modbus specification allows
   for (const int function : {3, 4}) {
     for (int address = 0; address < 65536;
          address += address < 60 || address > 65500 || (address > 995 && address < 1140) ||
-                            (address > 1190 && address < 1255) || (address > 2990 && address < 3130)
+                            (address > 1190 && address < 1255) || (address > 1990 && address < 2080) ||
+                            (address > 2990 && address < 3130)
                         ? 1
                         : 97) {
       for (const int quantity : {0, 1, 2, 40, 80, 81, 82, 124, 125, 126, 127, 255, 256, 32768, 65535}) {
@@ -68,7 +69,8 @@ TEST_CASE("request: a read succeeds exactly when the Modbus specification allows
         };
         const bool in_control =
             is_in(kControlAddress, kControlRegisters) || is_in(kProcessAddress, kProcessBlockRegisters) ||
-            is_in(kHistoryAddress, kHistoryRegisters) || is_in(kDiagnosticsAddress, kDiagnosticsRegisters);
+            is_in(kHistoryAddress, kHistoryRegisters) || is_in(kGatheredAddress, kGatheredRegisters) ||
+            is_in(kDiagnosticsAddress, kDiagnosticsRegisters);
         Bytes expected;
         if (quantity == 0 || quantity > 125) {
           expected = {static_cast<std::uint8_t>(function + 128), 3};

@@ -98,10 +98,10 @@ class Reports {
 /// Unit 17 on a line of 19200 baud; register i holds 0x1000 + i.
 struct Served {
   explicit Served(const std::string& device)
-      : line(settings(device), control, [this](const std::string& report) { reports.add(report); }) {
+      : line(settings(device), std::array{&control}, [this](const std::string& report) { reports.add(report); }) {
     RegisterImage image;
     for (std::size_t i = 0; i < image.words.size(); ++i) image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
-    line.publish(image);
+    line.publish(image, 0);
   }
   static SerialSettings settings(const std::string& device) {
     SerialSettings settings;
@@ -222,4 +222,28 @@ TEST_CASE("serial line: libmodbus as a master reads the block") {
   CHECK(errno == EMBXILADD);
   stop = true;
   wire.join();
+}
+
+TEST_CASE("serial line: each finger has a unit of its own, others' stay silent, and a broadcast reaches all") {
+  const Bus bus;
+  Control first, second;
+  Reports reports;
+  SerialLine line(Served::settings(bus.device()), std::array{&first, &second},
+                  [&](const std::string& report) { reports.add(report); });
+  for (std::size_t finger = 0; finger < 2; ++finger) {
+    RegisterImage image;
+    image.words[5] = static_cast<std::uint16_t>(0x1000 + finger);
+    line.publish(image, finger);
+  }
+  REQUIRE(reports.wait_for("is open"));
+  CHECK(bus.ask(sealed(hex("11 03 0005 0001")), 7) == sealed(hex("11 03 02 1000")));
+  CHECK(bus.ask(sealed(hex("12 03 0005 0001")), 7) == sealed(hex("12 03 02 1001")));
+  CHECK(bus.ask(sealed(hex("12 03 07D0 0001")), 7) == sealed(hex("12 03 02 0002")));  // two fingers
+  CHECK(bus.ask(sealed(hex("13 03 0005 0001")), 7).empty());
+  CHECK(bus.ask(sealed(hex("00 06 03EC 4653")), 1).empty());  // the key, to all
+  CHECK(bus.ask(sealed(hex("00 06 03F8 004D")), 1).empty());  // hold_time 77
+  for (const char* unit : {"11", "12"}) {
+    CHECK(bus.ask(sealed(hex(std::string(unit) + " 03 03F8 0001")), 7) ==
+          sealed(hex(std::string(unit) + " 03 02 004D")));
+  }
 }

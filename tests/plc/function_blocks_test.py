@@ -25,6 +25,51 @@ def block_of_words(heartbeat=1, age=120, fault=0, status=READY | TOUCH | CONTACT
     return words
 
 
+def gripper_words(heartbeats=(1, 1), ages=(120, 90), fault=0):
+    """Registers 2000 on of two fingers that push with 2.5 N and 3.0 N."""
+    words = [0] * (Machine(SOURCE).types["FinsightGripperWords"][2] + 1)
+    words[0:8] = 2, 0b1111, max(ages), 550, 0xFFCE, 42, 150, 6500  # balance -0.50 N
+    for n in (0, 1):
+        at = 10 + 16 * n
+        words[at:at + 9] = READY | TOUCH | CONTACT, fault * n, heartbeats[n], ages[n], 100, 6500, 0, 80, 250 + 50 * n
+    for n in (2, 3):
+        words[10 + 16 * n + 3] = 0xFFFF
+    return words
+
+
+class Gripper(unittest.TestCase):
+    def setUp(self):
+        self.machine = Machine(SOURCE)
+        self.block = self.machine.block("FB_FinsightGripper")
+
+    def call(self, at_ms, words):
+        self.machine.now_ms = at_ms
+        return self.block(words=words, poll_period=50)
+
+    def test_both_fingers_and_what_they_make_together_are_scaled(self):
+        block = self.call(0, gripper_words())
+        self.assertTrue(block.alive and block.finger_1_alive and block.finger_2_alive)
+        self.assertFalse(block.finger_3_alive or block.finger_3_status_any_fault)
+        self.assertEqual((block.fingers, block.force_sum_n, block.force_balance_n), (2, 5.5, -0.5))
+        self.assertEqual((block.finger_1_force_n, block.finger_2_force_n), (2.5, 3.0))
+        self.assertTrue(block.gripper_state_all_contact and block.finger_2_status_touch_valid)
+
+    def test_one_finger_that_stands_takes_the_grippers_values_with_it_and_not_the_others(self):
+        for words in (gripper_words(ages=(120, 3001)), gripper_words(fault=8)):
+            block = self.call(0, words)
+            self.assertTrue(block.finger_1_alive and block.finger_1_force_valid)
+            self.assertFalse(block.finger_2_alive or block.finger_2_force_valid or block.alive or block.force_sum_valid)
+            self.assertTrue(block.finger_2_status_any_fault and block.gripper_state_any_fault)
+
+    def test_a_link_that_repeats_the_words_ends_all_and_one_heartbeat_keeps_it(self):
+        self.call(0, gripper_words())
+        self.assertTrue(self.call(100, gripper_words()).alive)  # its timer starts here
+        self.assertTrue(self.call(390, gripper_words((1, 2))).alive)
+        self.assertTrue(self.call(400, gripper_words((1, 2))).alive)
+        block = self.call(701, gripper_words((1, 2)))
+        self.assertFalse(block.alive or block.finger_1_alive or block.finger_1_force_valid)
+
+
 class Scaling(unittest.TestCase):
     def setUp(self):
         self.machine = Machine(SOURCE)

@@ -40,7 +40,7 @@ class RewordedTable {
       ++b;
     }
   }
-  RegisterTable table() const { return {blocks_[0], blocks_[1], blocks_[2], blocks_[3], blocks_[4]}; }
+  RegisterTable table() const { return {blocks_[0], blocks_[1], blocks_[2], blocks_[3], blocks_[4], blocks_[5]}; }
 
  private:
   RegisterRow reworded(RegisterRow row) {
@@ -96,7 +96,8 @@ TEST_CASE("plc files: the CSV file has one line per register, without gap or ove
     if (next == kMeasurementRegisters) next = kControlAddress;
     if (next == kControlAddress + kControlRegisters) next = kProcessAddress;
     if (next == kProcessAddress + kProcessBlockRegisters) next = kHistoryAddress;
-    if (next == kHistoryAddress + kHistoryRegisters) next = kDiagnosticsAddress;
+    if (next == kHistoryAddress + kHistoryRegisters) next = kGatheredAddress;
+    if (next == kGatheredAddress + kGatheredRegisters) next = kDiagnosticsAddress;
     const bool is_wide = contains(line, ",uint32,") || contains(line, ",float32,");
     CHECK(line.starts_with(std::to_string(next) + "," + std::to_string(40001 + next) + ","));
     CHECK(line.ends_with("\r"));

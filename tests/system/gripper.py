@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""A gripper in the loop: 100 random runs of each controller, and plots of some of them.
+"""A gripper in the loop: 100 random runs of each controller, and plots of some of them. Two controllers have one finger,
+the third has a finger with a pack of its own as each jaw.
 
 usage: gripper.py BINARY_DIR SOURCE_DIR [--runs N] [--seed N]
 Plots go to BINARY_DIR/gripper. exit code 1: fewer than 95 of 100 runs succeeded
@@ -10,7 +11,8 @@ from pathlib import Path
 
 ARGUMENTS = sys.argv[3:]
 sys.argv = sys.argv[:3]  # end_to_end takes these two
-from end_to_end import BINARIES, PACK, SOURCE, SPEC, WORK, prepare  # noqa: E402
+from end_to_end import BINARIES, PACK, SOURCE, SPEC, WORK  # noqa: E402
+from several_fingers import RIGHT_PACK, RIGHT_SPEC, prepare_right  # noqa: E402
 
 FOLDER = Path(__file__).resolve().parent / "gripper"
 PLOT = """
@@ -32,22 +34,25 @@ unset multiplot
 TITLES = {"regrasp": "Regrasp towards the centre of the face: x 0, y 60 mm"}
 
 
-def states():
+def states(name, pack, spec):
     """The simulated finger: finite-element states at other points and forces than those the network was trained on."""
-    file = WORK / "gripper-states.safetensors"
-    if not file.exists() or file.stat().st_mtime < PACK.stat().st_mtime:
+    file = WORK / name
+    if not file.exists() or file.stat().st_mtime < pack.stat().st_mtime:
         file.unlink(missing_ok=True)
-        subprocess.run([BINARIES / "hostgen", "dataset", SPEC, "--scene", "probe", "-o", file, "--points", "48", "--forces", "6"], check=True)
+        subprocess.run([BINARIES / "hostgen", "dataset", spec, "--scene", "probe", "-o", file, "--points", "48", "--forces", "6"], check=True)
     return file
 
 
 def main():
-    prepare()
-    subprocess.run(["cmake", "--build", BINARIES, "--target", "gripper_loop"], check=True, stdout=subprocess.DEVNULL)
+    prepare_right()
+    subprocess.run(["cmake", "--build", BINARIES, "--target", "gripper_loop", "gripper_two_jaws"], check=True, stdout=subprocess.DEVNULL)
     plots = BINARIES / "gripper"
     plots.mkdir(exist_ok=True)
-    code = subprocess.run([BINARIES / "tests" / "gripper_loop", PACK, SPEC, states(), FOLDER / "objects.csv",
+    left, right = states("gripper-states.safetensors", PACK, SPEC), states("right-states.safetensors", RIGHT_PACK, RIGHT_SPEC)
+    code = subprocess.run([BINARIES / "tests" / "gripper_loop", PACK, SPEC, left, FOLDER / "objects.csv",
                            "--plots", plots, *ARGUMENTS]).returncode
+    code |= subprocess.run([BINARIES / "tests" / "gripper_two_jaws", PACK, SPEC, left, RIGHT_PACK, RIGHT_SPEC, right,
+                            *ARGUMENTS]).returncode
     for data in sorted(plots.glob("*.dat")):
         title = TITLES.get(data.stem, f"Gentle grasp: {data.stem.removeprefix('gentle-')}, which creeps under the grip")
         script = PLOT.format(name=data.stem, title=title)

@@ -243,7 +243,7 @@ const ModbusRTU = require('modbus-serial');
         self.assertEqual(at(after, "wrong_keys", 4), [0, 1, 0x7F00, 0x0001])
         self.assertEqual(at(after, "exceptions_value", 2), [0, 1])
         self.assertEqual(at(after, "exceptions_function", 2), [0, 1])
-        self.assertEqual(client.read_holding_registers(3000, 120, slave=1).exception_code, 2)
+        self.assertEqual(client.read_holding_registers(3000, 123, slave=1).exception_code, 2)
         client.close()
 
     def shown_name(self):

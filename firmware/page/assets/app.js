@@ -1,5 +1,5 @@
 // The frame around the pages: header, navigation, and which page is on show.
-import {begin, device, listen, lock, askForKey, unlockedFor} from "./device.js";
+import {begin, device, get, listen, lock, askForKey, unlockedFor} from "./device.js";
 import {text} from "./text.js";
 import {h, icon, setText} from "./dom.js";
 import {summary} from "./why.js";
@@ -16,9 +16,10 @@ const pages = {live: livePage, setup: setupPage, registers: registersPage, setti
 const main = document.getElementById("main"), nav = document.getElementById("nav"), top = document.getElementById("top");
 
 const pill = h("span", {class: "pill", role: "status"}), who = h("div", {class: "who"});
+const chooser = h("nav", {class: "fingers", "aria-label": text.fingers});
 const lockText = h("span");
 const lockButton = h("button", {onclick: () => (unlockedFor() ? lock() : askForKey().catch(() => {}))}, icon("lock"), lockText);
-top.append(h("div", {class: "brand"}, h("img", {src: "/icon.svg", alt: ""}), text.brand), who, h("span", {class: "gap"}), pill, lockButton);
+top.append(h("div", {class: "brand"}, h("img", {src: "/icon.svg", alt: ""}), text.brand), chooser, who, h("span", {class: "gap"}), pill, lockButton);
 const links = Object.keys(pages).map((name) => h("a", {href: `#${name}`}, icon(name), text.pages[name]));
 nav.append(...links);
 
@@ -47,8 +48,19 @@ function showHeader() {
   setText(lockText, seconds ? text.lock.unlocked(seconds) : text.lock.locked);
 }
 
+// Each finger of a board has its page at a port of its own.
+async function showFingers() {
+  const {own, fingers} = await get("/api/fingers");
+  if (fingers.length < 2) return;
+  const link = (finger) => h("a", {href: `//${location.hostname}:${finger.port}/${location.hash}`,
+                                   "aria-current": finger.name === own ? "page" : "false"}, finger.name);
+  chooser.replaceChildren(...fingers.map(link));
+}
+
 document.getElementById("skip").addEventListener("click", (event) => { event.preventDefault(); main.focus(); });
 await begin();
+showFingers().catch(() => {});
+window.addEventListener("hashchange", () => showFingers().catch(() => {}));
 show();
 window.addEventListener("hashchange", show);
 listen((what) => {

@@ -192,7 +192,7 @@ function connect() {
     device.error = words.error;
     device.blockError = words.block_error;
     if (!words.error) {
-      for (const block of ["control", "history", "diagnostics"]) device.registers.set(block, words[block]);
+      for (const block of ["control", "history", "gathered", "diagnostics"]) device.registers.set(block, words[block]);
       device.registers.set("process", words.process);
       if (!isLive()) { device.registers.set("measurements", words.measurements); noteFault(); }
     }

@@ -12,7 +12,7 @@ export const text = {
   seconds: (s) => (s < 90 ? `${Math.round(s)} s` : s < 5400 ? `${Math.round(s / 60)} min` : `${(s / 3600).toFixed(1)} h`),
   bytes: (b) => (b < 1e6 ? `${Math.round(b / 1e3)} kB` : b < 1e9 ? `${(b / 1e6).toFixed(1)} MB` : `${(b / 1e9).toFixed(2)} GB`),
   serial: (s) => (s ? `Serial ${s}` : ""),
-  invalid: "–",
+  invalid: "–", fingers: "Fingers of this device",
   cancel: "Cancel", close: "Close", retry: "Try again",
 
   lock: {
@@ -91,7 +91,7 @@ export const text = {
   registers: {
     title: "Registers", search: "Search name, address or description", csv: "Copy as CSV", copied: "Copied.", all: "All blocks",
     blocks: {measurements: "Measurements", control: "Commands and settings", process: "Process helpers", history: "Command history",
-             diagnostics: "Diagnostics"},
+             gathered: "All fingers", diagnostics: "Diagnostics"},
     columns: {address: "Address", reference: "Reference", name: "Name", value: "Value", raw: "Raw", description: "Meaning"},
     count: (n, all) => `${n} of ${all} registers`,
     note: "Addresses count from 0; the reference is the same register for programs that count from 40001. 32-bit values take two registers.",

@@ -1,0 +1,55 @@
+#!/usr/bin/python3
+"""How one, two and three fingers on one machine fare: frame times, dropped frames and memory of each.
+
+usage: fingers.py FINSIGHTD PACK SESSION [--seconds N] [--tier TIER]
+Every finger replays SESSION at its recorded speed with a loop of its own. Prints JSON:
+{"1": [{"p50_us", "p99_us", "worst_us", "frames", "dropped"}], "2": [...], ..., "memory_mb": {"1": ...}, "load": [before]}
+"""
+import argparse
+import json
+import os
+import re
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+
+def run(arguments, count):
+    with tempfile.TemporaryDirectory() as folder:
+        board = Path(folder) / "board.toml"
+        fingers = "".join(f'[[finger]]\nname = "f{n}"\n' for n in range(1, count + 1))
+        board.write_text(f'pack = "{Path(arguments.pack).resolve()}"\n[source]\nkind = "session"\n'
+                         f'path = "{Path(arguments.session).resolve()}"\nrepeat = true\n'
+                         f'[shape]\ntier = "{arguments.tier}"\n[modbus]\nport = 0\n{fingers}')
+        process = subprocess.Popen([arguments.finsightd, "--settings", board], stderr=subprocess.PIPE, text=True)
+        time.sleep(arguments.seconds)
+        resident = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{process.pid}/status").read_text())
+        process.terminate()
+        errors = process.communicate(timeout=20)[1]
+        assert process.returncode == 0, errors
+        results = []
+        for times, frames, dropped in re.findall(r"^frame((?: +\d+)+)$\nframes (\d+), dropped (\d+)", errors, re.M):
+            _, p50, p99, worst = (int(word) for word in times.split())
+            results.append({"p50_us": p50, "p99_us": p99, "worst_us": worst, "frames": int(frames),
+                            "dropped": int(dropped)})
+        assert len(results) == count, errors
+        return results, round(int(resident[1]) / 1024, 1)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("finsightd")
+    parser.add_argument("pack")
+    parser.add_argument("session")
+    parser.add_argument("--seconds", type=float, default=20)
+    parser.add_argument("--tier", default="newton")
+    arguments = parser.parse_args()
+    report = {"load": list(os.getloadavg()), "processors": os.cpu_count(), "memory_mb": {}}
+    for count in (1, 2, 3):
+        report[str(count)], report["memory_mb"][str(count)] = run(arguments, count)
+    print(json.dumps(report, indent=1))
+
+
+if __name__ == "__main__":
+    main()
