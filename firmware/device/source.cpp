@@ -46,8 +46,7 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
 
 void complete_from_source(const Settings& settings, const std::optional<SessionInfo>& images, LoopSettings& loop) {
   const bool is_recorded_motion = settings.source == Settings::Source::kPoses;
-  // A mount is measured from the finger at rest, so that poses are relative to that rest.
-  loop.rest_is_known = is_recorded_motion || images->from_rest || loop.mount.has_value();
+  loop.rest_is_known = is_recorded_motion || images->from_rest;
   if (images) loop.readout_ms = images->readout_ms;
   loop.fixed_g = settings.fixed_g;
   if (settings.fixed_g || settings.gravity_max_age_ms > 0) return;

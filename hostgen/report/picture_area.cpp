@@ -138,7 +138,6 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
   if (is_zeroed) row["zero_frames"] = number;
   const std::optional<MountModel> mount = measured_mount(model, camera, resting);
   settings.mount = mount;
-  settings.rest_is_known = mount.has_value();  // as in complete_from_source()
   std::optional<FrameLoop> mounted;
   if (mount) mounted.emplace(model, camera, settings);
   Score with_zero, without_zero, with_mount;
