@@ -154,6 +154,7 @@ class Device {
   Device(Finger& left, Finger& right)
       : server_({.port = 0}, std::array{&left.control, &right.control}),
         client_(modbus_new_tcp("127.0.0.1", server_.port()), &modbus_free) {
+    modbus_set_response_timeout(client_.get(), 10, 0);  // what the machine does besides is not what is tested
     if (modbus_connect(client_.get()) != 0) throw std::runtime_error("cannot connect to the server");
   }
   ModbusServer& server() { return server_; }
