@@ -37,6 +37,7 @@ class Device {
         commands_(control_, loop_, nullptr, nullptr, {}),
         server_({.port = 0}, control_),
         client_(modbus_new_tcp("127.0.0.1", server_.port()), &modbus_free) {
+    modbus_set_response_timeout(client_.get(), 10, 0);  // what the machine does besides is not what is tested
     if (modbus_connect(client_.get()) != 0) throw std::runtime_error("cannot connect to the server");
   }
 
