@@ -186,22 +186,24 @@ Lit read_lit(const std::array<std::uint8_t, kWithMargin * kWithMargin * kSamples
   return lit;
 }
 
-/// Light only adds: what is dark is ink. What is white tells nothing where light is reflected there or next to it.
+/// Light only adds: what is dark is ink. What is white tells nothing where light is reflected, and
+/// what should be ink may be white next to it.
 bool agrees(const Lit& lit, std::uint16_t wanted) {
   const auto at = [](int row, int column) { return static_cast<std::size_t>((row + 1) * kWithMargin + column + 1); };
   int hidden = 0, hidden_in_border = 0, white_in_border = 0;
   for (int row = 0, bit = 15; row < kModules; ++row) {
     for (int column = 0; column < kModules; ++column) {
       const bool is_white = lit.white[at(row, column)];
-      const bool is_hidden = is_white && (lit.reflected[at(row, column)] || lit.reflected[at(row - 1, column)] ||
-                                          lit.reflected[at(row + 1, column)] || lit.reflected[at(row, column - 1)] ||
-                                          lit.reflected[at(row, column + 1)]);
+      const bool wants_white = !is_border(row, column) && (wanted >> bit & 1) != 0;
+      const bool is_beside = lit.reflected[at(row - 1, column)] || lit.reflected[at(row + 1, column)] ||
+                             lit.reflected[at(row, column - 1)] || lit.reflected[at(row, column + 1)];
+      const bool is_hidden = is_white && (lit.reflected[at(row, column)] || (is_beside && !wants_white));
       if (is_border(row, column)) {
         hidden_in_border += is_hidden;
         white_in_border += is_white && !is_hidden;
         continue;
       }
-      const bool wants_white = (wanted >> bit-- & 1) != 0;
+      --bit;
       if (!is_hidden && is_white != wants_white) return false;
       hidden += is_hidden;
     }
