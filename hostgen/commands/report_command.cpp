@@ -1,7 +1,8 @@
-// hostgen report: measures, area by area, and writes results.json, plots and a page.
+// hostgen report: measures, area by area, and writes results.json and plots.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -17,7 +18,7 @@ namespace finsight::host {
 namespace {
 
 struct Options {
-  std::filesystem::path pack, spec, folder, bench, dataset, recordings, soak, attacks, page;
+  std::filesystem::path pack, spec, folder, bench, dataset, recordings, soak, attacks, page, appliance;
   bool quick = false;
   std::vector<std::string> areas;
 };
@@ -35,7 +36,7 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
   if (area == "solver") {
     nlohmann::json bench = {{"solver", {{"why", "no figures of the program bench were given"}}}};
     if (!options.bench.empty()) bench = read_figures(options.bench);
-    nlohmann::json figures = measure_solver(model, bench, options.folder, options.quick);
+    nlohmann::json figures = measure_solver(model, bench, options.quick);
     figures["hard_cases"] = measure_hard_cases(model, options.quick);
     return figures;
   }
@@ -48,6 +49,10 @@ nlohmann::json measure(const std::string& area, const Options& options, const Mo
     if (!options.attacks.empty()) attacks = read_figures(options.attacks);
     figures["modbus"].update(attacks);
     return figures;
+  }
+  if (area == "appliance") {
+    if (options.appliance.empty()) return {{"appliance", {{"why", "tests/system/boot has not run on this machine"}}}};
+    return {{"appliance", read_figures(options.appliance)}};
   }
   if (area == "page") {
     if (options.page.empty()) return {{"page", {{"why", "no file of scripts/lib/page_cost.py was given"}}}};
@@ -82,11 +87,12 @@ void run(const Options& options) {
     if (!wanted) continue;
     std::printf("%s ...\n", area.c_str());
     std::fflush(stdout);
-    results.measured(area, measure(area, options, model), options.quick ? "quick" : "full");
+    double load = 0;
+    if (getloadavg(&load, 1) != 1) load = 0;
+    results.measured(area, measure(area, options, model), options.quick ? "quick" : "full", load);
     results.write();
   }
-  write_index_html(options.folder, results);
-  std::printf("%s\n", (options.folder / "index.html").c_str());
+  std::printf("%s\n", (options.folder / "results.json").c_str());
 }
 
 }  // namespace
@@ -101,10 +107,11 @@ void add_report_command(CLI::App& app) {
   command->add_option("--bench", options->bench, "figures of the program bench, for area solver");
   command->add_option("--soak", options->soak, "figures of scripts/lib/soak.py, for area modbus");
   command->add_option("--attacks", options->attacks, "figures of scripts/lib/attack.py, for area modbus");
+  command->add_option("--appliance", options->appliance, "figures of tests/system/boot, for area appliance");
   command->add_option("--page", options->page, "figures of scripts/lib/page_cost.py, for area page");
   command->add_option("--dataset", options->dataset, "the pack's finite-element states, for area touch");
   command->add_option("--recordings", options->recordings, "CSV of recorded touches, for area real");
-  command->add_option("-o,--output", options->folder, "folder for results.json, plots and index.html")->required();
+  command->add_option("-o,--output", options->folder, "folder for results.json and plots")->required();
   command->add_flag("--quick", options->quick, "shorter motions and fewer reads");
   command->callback([options] { run(*options); });
 }

@@ -11,10 +11,9 @@
 namespace finsight::host {
 
 /// Time per frame of the shape stage against the distance to the converged shape, for fixed schedules and the map, over
-/// motions at 60 frames/s; plots speed_error.svg into `folder`. `bench`: figures of the program bench, added to the
-/// result. `quick`: fewer motions and schedules.
-nlohmann::json measure_solver(const Model& model, const nlohmann::json& bench, const std::filesystem::path& folder,
-                              bool quick);
+/// motions at 60 frames/s. `bench`: figures of the program bench, added to the result. `quick`: fewer motions and
+/// schedules.
+nlohmann::json measure_solver(const Model& model, const nlohmann::json& bench, bool quick);
 
 /// The table of hard cases on this model. `quick`: a short random walk.
 nlohmann::json measure_hard_cases(const Model& model, bool quick);

@@ -2,6 +2,7 @@
 
 #include <sys/utsname.h>
 
+#include <cmath>
 #include <ctime>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -48,7 +49,7 @@ constexpr const char* kSkeleton = R"({
   "modbus": {"read_us_p50": null, "read_us_p99": null, "hostile_worst_ms": null, "why": "area modbus was not measured"},
   "pictures": [],
   "page": {"loop_cost_us": null, "dropped": null, "why": "area page was not measured"},
-  "appliance": {"boot_s": null, "slot_mb": null, "security_score": null, "why": "tests/system/boot measures it; the report does not read that yet"}
+  "appliance": {"boot_s": null, "slot_mb": null, "security_score": null, "why": "area appliance was not measured"}
 })";
 
 // Adds the keys of `wanted` that `have` lacks; existing ones stay. A measured object has lost its "why" and gets it
@@ -114,8 +115,8 @@ std::string today() {
 }  // namespace
 
 const std::vector<std::string>& report_areas() {
-  static const std::vector<std::string> areas = {"solver", "fem",    "touch",  "scene", "real",
-                                                 "force",  "vision", "modbus", "page",  "pictures"};
+  static const std::vector<std::string> areas = {"solver", "fem",    "touch", "scene",    "real",     "force",
+                                                 "vision", "modbus", "page",  "pictures", "appliance"};
   return areas;
 }
 
@@ -129,7 +130,7 @@ Results::Results(std::filesystem::path file) : file_(std::move(file)), json_(std
 
 Results::~Results() = default;
 
-void Results::measured(const std::string& area, const json& figures, const std::string& profile) {
+void Results::measured(const std::string& area, const json& figures, const std::string& profile, double load) {
   overwrite(*json_, figures);
   (*json_)["machine"] = machine_name();
   (*json_)["commit"] = first_line_of("git describe --always --dirty 2>/dev/null");
@@ -137,6 +138,7 @@ void Results::measured(const std::string& area, const json& figures, const std::
   (*json_)["measured"][area] = {
       {"date", today()},
       {"profile", profile},
+      {"load", std::round(100 * load) / 100},
       {"commit", (*json_)["commit"]},
       {"command", "scripts/report " + std::string(profile == "quick" ? "--quick " : "") + area}};
 }

@@ -1,4 +1,5 @@
 // results.json: every figure that was measured, none typed in; what was not measured is null with its reason beside it.
+// scripts/lib/report_page.py makes the page from it.
 #pragma once
 
 #include <filesystem>
@@ -21,8 +22,9 @@ class Results {
   Results(const Results&) = delete;
   Results& operator=(const Results&) = delete;
 
-  /// Replaces figures by those of `figures`, key by key, and dates the area.
-  void measured(const std::string& area, const nlohmann::json& figures, const std::string& profile);
+  /// Replaces figures by those of `figures`, key by key, and dates the area. `load`: the machine's average load in the
+  /// minute before.
+  void measured(const std::string& area, const nlohmann::json& figures, const std::string& profile, double load = 0);
   const nlohmann::json& all() const;
   void write() const;
 
@@ -30,8 +32,5 @@ class Results {
   std::filesystem::path file_;
   std::unique_ptr<nlohmann::json> json_;
 };
-
-/// Writes the page beside results.json: figures as tables, and the plots.
-void write_index_html(const std::filesystem::path& folder, const Results& results);
 
 }  // namespace finsight::host

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "firmware/shape/shape_stage.h"
+#include "firmware/touch/touch_stage.h"
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/util/random.h"
 #include "hostgen/util/statistics.h"
@@ -35,6 +36,7 @@ json compare_shapes(const Model& model, const FingerSpec& spec, const std::vecto
   for (const auto& [name, tier] : kShapeTiers) {
     if (states.empty() || (tier == ShapeSettings::Tier::kContact && !model.contact_map)) continue;
     ShapeStage stage(model, {.tier = tier});
+    TouchStage touch(model);
     Random random(98);
     Errors level, largest_mm;
     std::vector<double> us;
@@ -43,7 +45,10 @@ json compare_shapes(const Model& model, const FingerSpec& spec, const std::vecto
       add_noise(spec.noise, random, numbers);
       stage.reset();
       Stopwatch watch;
-      const FingerShape& shape = stage.solve(seen_poses({numbers.data(), kPoseDims}));
+      const PlatePoses poses = seen_poses({numbers.data(), kPoseDims});
+      const bool is_explained = !touch.locate(poses, numbers, {.is_from_rest = true}).unexplained;
+      watch.lap_us();
+      const FingerShape& shape = stage.solve(poses, numbers, is_explained);
       us.push_back(watch.lap_us());
       const double front_mm = static_cast<double>(solved.shape.front_rms_mm);
       level.add((static_cast<double>(shape.front_rms_mm) - front_mm) / front_mm);

@@ -13,7 +13,6 @@
 #include "hostgen/hard_cases/shape_distance.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
-#include "hostgen/util/gnuplot.h"
 #include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
@@ -75,39 +74,9 @@ json measure(const Model& model, const Schedule& schedule, const PlateMotionPath
           {"mean_mm", total.mean_mm}};
 }
 
-void plot(const json& rows, const std::filesystem::path& folder) {
-  Gnuplot plot(folder / "speed_error.svg");
-  plot.line(
-      "set logscale xy; set xlabel 'microseconds per frame'; set ylabel 'worst distance to the converged shape, mm'");
-  plot.line("set key outside right; set format y '10^{%T}'; set grid");
-  std::string command = "plot";
-  std::string data;
-  std::vector<std::string> motions;
-  for (const json& row : rows) {
-    const std::string motion = row["motion"];
-    if (motions.empty() || motions.back() != motion) motions.push_back(motion);
-  }
-  for (const std::string& motion : motions) {
-    command += (command == "plot" ? " " : ", ") +
-               ("'-' using 1:2:3 with labels point pt 7 offset 1,0.6 left title '" + motion + "'");
-    for (const json& row : rows) {
-      if (row["motion"] != motion) continue;
-      char line[128];
-      std::snprintf(line, sizeof line, "%g %g \"%s %d+%d\"\n", row["us_per_frame"].get<double>(),
-                    row["worst_mm"].get<double>(), row["tier"].get<std::string>().c_str(),
-                    row["factorisations"].get<int>(), row["chords"].get<int>());
-      data += line;
-    }
-    data += "e\n";
-  }
-  plot.line(command);
-  plot.line(data);
-  plot.finish();
-}
-
 }  // namespace
 
-json measure_solver(const Model& model, const json& bench, const std::filesystem::path& folder, bool quick) {
+json measure_solver(const Model& model, const json& bench, bool quick) {
   std::vector<PlateMotionPath> motions = report_motions(model.mount);
   if (quick) motions.resize(2);
   json rows = json::array();
@@ -122,7 +91,6 @@ json measure_solver(const Model& model, const json& bench, const std::filesystem
       progress.advance();
     }
   }
-  plot(rows, folder);
   json figures = {{"mesh", {{"nodes", model.shape.nodes}, {"tets", model.shape.tets}}}};
   if (!bench.contains("mesh")) figures["mesh"]["why"] = "measured by the program bench";
   figures.update(bench, true);

@@ -258,9 +258,21 @@ const ModbusRTU = require('modbus-serial');
         self.assertEqual(ctl(self.port, "set", "hold_time=78").returncode, 0)
         self.assertEqual(ctl(self.port, "do", "reset").stdout, "done\n")
         self.wait_for(lambda: ctl(self.port, "show").stdout, lambda shown: "hold_time              77 ms" in shown)
+        self.assert_the_reset_is_remembered()
         self.assertEqual(ctl(self.port, "do", "factory").stdout, "done\n")
         self.assertIn("hold_time              200 ms", ctl(self.port, "show").stdout)
         self.assertIsNone(self.firmware.process.poll())
+
+    def assert_the_reset_is_remembered(self):
+        """A slow client that has missed the result before the restart finds it, and does not reset the device again."""
+        client = ModbusTcpClient("127.0.0.1", port=self.port)
+        self.assertTrue(client.connect())
+        with client:
+            number, command, result = client.read_holding_registers(ADDRESS["own_sequence"], 3, slave=1).registers
+            self.assertEqual((command, result), (VALUES["command"]["reset"], 0))
+            client.write_register(ADDRESS["write_key"], KEY, slave=1)
+            again = client.write_registers(ADDRESS["command"], [command, number], slave=1)
+            self.assertEqual(again.exception_code, 3)
 
     def test_a_recording_made_over_modbus_is_a_session_that_replays(self):
         self.assertEqual(ctl(self.port, "do", "record").stdout, "done\n")

@@ -1,0 +1,162 @@
+"""The words of the report's page: what keys of results.json are called, and what its sections say."""
+
+# Key: heading, or (heading, factor) for a share that is shown in per cent.
+PERCENT = 100  # what shares are multiplied by
+HEADINGS = {
+    "us_per_frame": "time per frame, µs", "us": "time per frame, µs", "mesh_tets": "tetrahedra", "than_tets": "compared with",
+    "worst_mm": "worst distance, mm", "mean_mm": "mean error, mm", "chords": "chord steps",
+    "factorisations": "factorisations", "scalar": "arithmetic", "way": "method", "sum_us": "whole iteration, µs",
+    "derivatives_us": "derivatives, µs", "factor_us": "factor, µs", "solve_us": "solve, µs", "step_us": "step, µs",
+    "factor_operations": "operations of a factor", "name": "case", "frames": "frames", "flagged": "frames flagged",
+    "iterations": "most steps", "end_mm": "distance at the end, mm", "good": "held",
+    "touch_point_clean_mm": "touched point, exact poses, mm", "touch_point_noisy_mm": "touched point, with noise, mm",
+    "front_clean_mm": "front face, exact poses, mm", "front_noisy_mm": "front face, with noise, mm",
+    "contact_map_share": ("answered by the contact map, %", PERCENT),
+    "case": "case", "contained": "in the pack's scene", "trials": "touches", "published": ("published, %", PERCENT),
+    "unexplained": ("unexplained, %", PERCENT), "touch_mm": "touch, mean error, mm", "touch_95_mm": "95 %, mm",
+    "inside_radius": ("inside one radius, %", PERCENT), "inside_twice": ("inside two, %", PERCENT),
+    "lies": ("off by over three radii, %", PERCENT), "force_rmse_n": "force RMSE, N (normal / across / along)",
+    "force_told": ("force told, %", PERCENT), "force_inside": ("force inside its deviation, %", PERCENT),
+    "moment_rmse_nm": "moment RMSE, N m (x / y / z)", "moment_inside": ("moment inside its deviation, %", PERCENT),
+    "level_bias": ("deformation, mean error, %", PERCENT), "level_95": ("deformation, 95 %, %", PERCENT),
+    "largest_bias_mm": "largest displacement, mean error, mm", "largest_95_mm": "its 95 %, mm", "tier": "tier",
+    "unknown": "unknown", "states": "states", "x_mm": "x, mm", "y_mm": "y, mm", "normal_n": "normal, N",
+    "across_n": "across, N", "along_n": "along, N", "radius_mm": "patch radius, mm", "x_mm_2": "second x, mm",
+    "y_mm_2": "second y, mm", "normal_n_2": "second normal, N", "across_n_2": "second across, N",
+    "along_n_2": "second along, N", "radius_mm_2": "second radius, mm",
+    "from_mm": "plate motion from, mm", "touches": "touches", "error_95_mm": "95 %, mm",
+    "coverage_68": ("inside one radius, %", PERCENT), "coverage_95": ("inside two, %", PERCENT),
+    "from_n": "force from, N", "rmse_n": "RMSE, N", "bias_n": "mean error, N",
+    "rmse_mm": "RMSE, mm (x / y / z)", "r2": "R² (x / y / z)", "false_valid": ("touches published of none, %", PERCENT),
+    "flips_per_1000": "flipped poses in 1,000 frames", "level_rmse_permille": "deformation RMSE, ‰",
+    "estimate_us_p50": "estimate, median, µs", "estimate_us_p99": "99 %, µs", "preset": "preset", "method": "method",
+    "touch_mm_2_to_4": "touch at 2–4 mm of motion, mm", "touch_mm_above_4": "touch from 4 mm, mm",
+    "touch_mm_above_7": "touch from 7 mm, mm", "element": "element", "tets": "tetrahedra", "load": "load", "force_n": "force, N",
+    "largest_mm": "largest displacement, mm", "difference_mm": "difference, mm", "C3D4_mm": "C3D4, mm",
+    "C3D10_mm": "C3D10, mm", "C3D10_over_C3D4": "C3D10 over C3D4", "touch": "touch", "contacts": "contacts found",
+    "front_mm": "front face, mm", "force_error_n": "force error, N", "position_95_mm": "least certain place, 95 %, mm",
+    "truth_within_uncertainty": ("truth inside its deviation, %", PERCENT), "gauss_newton_s": "Gauss-Newton, s",
+    "lbfgs_s": "L-BFGS, s", "lbfgs_front_mm": "L-BFGS, front face, mm", "lbfgs_force_n": "L-BFGS, force, N",
+    "picture": "picture", "start": "start", "zero_frames": "frames of the zero", "firm_touches": "firm touches",
+    "recall_top": ("top marker found, %", PERCENT), "recall_middle": ("middle, %", PERCENT), "recall_low": ("low, %", PERCENT),
+    "path": "path", "varied": "varied", "value": "value", "corners": "corners", "markers_lost": "markers lost",
+    "edges_bias_px": "edge fit, bias, px", "edges_rms_px": "edge fit, RMS, px", "sub_pix_bias_px": "cornerSubPix, bias, px",
+    "sub_pix_rms_px": "cornerSubPix, RMS, px", "motion": "motion",
+    "ratio_to_published": "times faster than the published way", "ratio_to_eigen": "times faster than Eigen's LDLT",
+    "ratio_to_cholmod": "times faster than CHOLMOD", "growth_exponent": "growth exponent of time over tetrahedra",
+    "iteration_ms": "one Newton iteration, ms", "published_iteration_ms": "the published way's, ms",
+    "read_us_p50": "read of 48 registers, median, µs", "read_us_p99": "99 %, µs",
+    "worst_coverage_error": ("worst distance of a contained case from 68 %, %", PERCENT),
+    "worst_lies": ("most touches off by over three radii, any case, %", PERCENT),
+}
+
+WORDS = {
+    "comparable": "The paper's figures are those that it prints for its own finger, camera and recordings; ours are of the "
+                  "same finger computed by finite elements, at the noise that the spec states, with new contact points. The "
+                  "published method is its formulas as we programmed them, on the same mesh and machine. Figures in red fall "
+                  "short of our own aim.",
+}
+
+SECTIONS = {
+    "speed_error": {
+        "title": "Speed against error", "area": "solver", "code": ["firmware/shape/shape_tier.h"], "figures": False,
+        "text": "Time per frame on one core against three errors. Numerics: distance of every node to the converged shape of "
+                "the same poses, by mesh and arithmetic. Model: distance to the finite-element shape, with noise. Registers: "
+                "relative error of the published deformation, by scene. The line joins what nothing else beats.",
+        "pictures": [("speed_numerics.svg", "Numerics: worst distance to the converged shape. Full marks: float; hollow: double."),
+                     ("speed_model.svg", "Model: distance to the finite-element shape, on average, at the touched point and over "
+                                         "the front face."),
+                     ("speed_registers.svg", "Registers: 95 % of the deformation's relative error, by tier and case.")],
+        "tables": [("speed_error", ["tier", "mesh_tets", "factorisations", "chords", "scalar", "motion", "us_per_frame",
+                                    "worst_mm", "mean_mm"], "", "")]},
+    "shape": {
+        "title": "Shape against the finite-element truth", "area": "touch", "code": ["firmware/shape/contact_tier.h"],
+        "text": "The firmware's tiers with this pack, on states of points that it was not trained on.",
+        "tables": [("shape.tiers", ["tier", "touch_point_clean_mm", "touch_point_noisy_mm", "front_clean_mm", "front_noisy_mm",
+                                    "us_per_frame", "contact_map_share"], "", ""),
+                   ("scene.shapes", ["case", "tier", "level_bias", "level_95", "largest_bias_mm", "largest_95_mm", "us"],
+                    "The registers' deformation and largest displacement, by case.", "")]},
+    "solver": {
+        "title": "Growth with the mesh", "area": "solver", "code": ["firmware/shape/cholesky.h", "hostgen/bench/main.cpp"],
+        "text": "One Newton iteration by several methods on one core, interleaved; the shortest of each counts, because other "
+                "load only adds time. Then where its time goes.",
+        "pictures": [("growth.svg", "Time of an iteration against the number of tetrahedra; the exponent of each method."),
+                     ("parts.svg", "Where the time of an iteration goes, by mesh: ours in float.")],
+        "tables": [("solver.iterations", ["way", "mesh_tets", "derivatives_us", "factor_us", "solve_us", "step_us", "sum_us",
+                                          "factor_operations"], "", ""),
+                   ("solver.mesh_difference", ["mesh_tets", "than_tets", "motion", "worst_mm", "mean_mm"],
+                    "How far a coarser mesh's converged shape is from the finest one's.", "")]},
+    "hard_cases": {
+        "title": "Hard cases", "area": "solver", "code": ["hostgen/hard_cases/hard_cases.h"],
+        "text": "Motions that no gripper makes: jumps, twists, near inversions, missing plates, bursts of noise, long random walks. "
+                "The worst first. A case holds if every shape is finite, no element is inverted without a flag, and the end is right.",
+        "tables": [("hard_cases.cases", ["name", "frames", "worst_mm", "end_mm", "iterations", "flagged", "good"], "", "worst_mm")]},
+    "touch": {
+        "title": "Touch and force", "area": "touch", "code": ["firmware/touch/touch_stage.h", "hostgen/learn/touch_training.h"],
+        "text": "The network on contact points that it has not seen, with and without the spec's noise.",
+        "pictures": [("touch_error.svg", "Touch error against plate motion."),
+                     ("touch_calibration.svg", "Share of errors inside the published radius.")],
+        "tables": [("touch.by_plate_motion", ["from_mm", "touches", "mean_mm", "error_95_mm", "coverage_68", "coverage_95"],
+                    "By plate motion.", ""),
+                   ("touch.by_force", ["from_n", "touches", "rmse_n", "bias_n", "coverage_68"], "By force.", "")]},
+    "scene": {
+        "title": "What a gripper brings", "area": "scene", "code": ["hostgen/report/scene_cases.h"],
+        "text": "States that no training has seen, solved for each case and measured with the spec's noise by the whole firmware. A "
+                "touch that is off by more than three of its radii is one that a PLC would act on wrongly.",
+        "pictures": [("scene_faces.svg", "True and published touches over the face, by case; red: off by more than three radii; "
+                                         "grey circles: not published."),
+                     ("scene_reliability.svg", "Share of errors inside the published radius, by case of the pack's scene.")],
+        "tables": [("scene.cases", ["case", "contained", "trials", "published", "unexplained", "touch_mm", "touch_95_mm",
+                                    "inside_radius", "inside_twice", "lies", "force_rmse_n", "force_told", "force_inside",
+                                    "moment_rmse_nm", "moment_inside"], "", ""),
+                   ("scene.floor", ["unknown", "states", "x_mm", "y_mm", "normal_n", "across_n", "along_n", "radius_mm", "x_mm_2",
+                                    "y_mm_2", "normal_n_2", "across_n_2", "along_n_2", "radius_mm_2"],
+                    "What plate motions can tell at best: median standard deviation by the Fisher information at the spec's "
+                    "noise, for contacts that move a plate by 4 mm or more.", "")]},
+    "vision": {
+        "title": "Pixels to registers", "area": "vision", "code": ["firmware/vision/observer.h"],
+        "text": "Rendered images of one touch path through every stage of the firmware.",
+        "pictures": [("paths.svg", "The paper's four paths: touched points found, over the true paths.")],
+        "tables": [("vision.methods", ["preset", "method", "touch_mm_2_to_4", "touch_mm_above_4", "touch_mm_above_7",
+                                       "false_valid", "flips_per_1000", "coverage_68", "coverage_95", "estimate_us_p50",
+                                       "estimate_us_p99"], "From the same corners to plates.", ""),
+                   ("vision.lab.by_plate_motion", ["from_mm", "touches", "touch_mm", "touch_95_mm", "force_rmse_n",
+                                                   "level_rmse_permille", "coverage_68", "coverage_95"],
+                    "Preset lab, by plate motion.", ""),
+                   ("vision.paths", ["path", "touches", "touch_mm", "touch_95_mm"], "The paper's four paths.", ""),
+                   ("vision.corners", ["varied", "value", "corners", "markers_lost", "edges_bias_px", "edges_rms_px",
+                                       "sub_pix_bias_px", "sub_pix_rms_px"], "Corners in 1280×720 images.", "")]},
+    "pictures": {
+        "title": "Pictures as cameras make them", "area": "pictures", "code": ["hostgen/render"],
+        "text": "Coded, blurred, noisy, dim, glaring, badly printed pictures through the whole firmware, with a zero, without "
+                "one, and with a measured mount.",
+        "starts": ["zeroed", "unzeroed", "mounted"],
+        "tables": [("", ["picture", "start", "zero_frames", "firm_touches", "published", "touch_mm", "radius_mm", "coverage_68",
+                         "lies", "recall_top", "recall_middle", "recall_low"], "", "")]},
+    "fem": {
+        "title": "Finite-element truth", "area": "fem", "code": ["hostgen/fem/statics.h"],
+        "text": "How far the training truth can be trusted: the same loads solved by CalculiX, and how much stiffer linear elements are.",
+        "tables": [("fem.calculix", ["element", "tets", "load", "x_mm", "y_mm", "force_n", "largest_mm", "difference_mm"], "", ""),
+                   ("fem.locking", ["mesh", "tets", "C3D4_mm", "C3D10_mm", "C3D10_over_C3D4"],
+                    "Displacement of the touched point (0, 70) under 0.5 N.", "")]},
+    "real": {
+        "title": "Real recordings", "area": "real", "code": ["hostgen/recordings"],
+        "text": "A real finger's recorded plate motions: split at random as the paper does it, and by contact point.",
+        "pictures": [("recordings.svg", "Contact points, rotations and motions of the recordings.")]},
+    "force": {
+        "title": "Contact forces, offline", "area": "force", "code": ["hostgen/fem/contact_forces.h"],
+        "text": "Forces on the face from plate motions with noise: Gauss-Newton beside the paper's L-BFGS.",
+        "pictures": [("contact_forces.svg", "Objective against time.")],
+        "tables": [("force.cases", ["touch", "force_n", "contacts", "front_mm", "force_error_n", "position_95_mm",
+                                    "truth_within_uncertainty", "gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "lbfgs_force_n"],
+                    "", "")]},
+    "modbus": {
+        "title": "Modbus", "area": "modbus", "code": ["firmware/modbus/server.h"],
+        "text": "A client's waits over loopback, alone, under attack, and during an hour's soak."},
+    "page": {
+        "title": "Commissioning page", "area": "page", "code": ["firmware/page/README.md"],
+        "text": "What browsers that watch cost the frame loop."},
+    "appliance": {
+        "title": "Appliance", "area": "appliance", "code": ["boards/image/README.md"],
+        "text": "From the last image test (tests/system/boot --json)."},
+}
