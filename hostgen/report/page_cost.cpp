@@ -99,16 +99,18 @@ class Browser {
       client.ask("/api/events");
       while (!stop.stop_requested()) taken.event_bytes += static_cast<long>(client.take());
     });
-    for (const auto& [path, counter] : {std::pair{"/frame.jpg", &taken.pictures}, {"/shape.bin", &taken.shapes}}) {
-      start(taken, [port, path, counter](const std::stop_token& stop) {
+    const auto keep_asking = [this, &taken, port](const char* path, auto& counter) {
+      start(taken, [port, path, &counter](const std::stop_token& stop) {
         HttpClient client(port);
         while (!stop.stop_requested()) {
           client.ask(path);
-          if (client.answer() == 200) ++*counter;
+          if (client.answer() == 200) ++counter;
           std::this_thread::sleep_for(kPause);
         }
       });
-    }
+    };
+    keep_asking("/frame.jpg", taken.pictures);
+    keep_asking("/shape.bin", taken.shapes);
   }
 
  private:
