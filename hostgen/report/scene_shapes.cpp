@@ -29,37 +29,58 @@ struct Errors {
   }
 };
 
+/// A state as it is measured once.
+struct Measured {
+  const ShapeMeasures& truth;
+  PlatePoses poses;
+  PoseVector motion;
+  bool is_explained;
+};
+
+std::vector<Measured> measure(const Model& model, const FingerSpec& spec, const std::vector<CaseState>& states) {
+  TouchStage touch(model);
+  Random random(98);
+  std::vector<Measured> measured;
+  for (const CaseState& solved : states) {
+    PoseVector motion = pose_vector({.plates = solved.state.plates, .seen = {true, true, true}});
+    add_noise(spec.noise, random, motion);
+    const PlatePoses poses = seen_poses({motion.data(), kPoseDims});
+    measured.push_back({solved.shape, poses, motion, !touch.locate(poses).unexplained});
+  }
+  return measured;
+}
+
+json judge(const char* tier, ShapeStage& stage, const std::vector<Measured>& states) {
+  Errors level, largest_mm;
+  std::vector<double> us;
+  for (const Measured& state : states) {
+    stage.reset();
+    Stopwatch watch;
+    const FingerShape& shape = stage.solve(state.poses, state.motion, state.is_explained);
+    us.push_back(watch.lap_us());
+    const double front_mm = static_cast<double>(state.truth.front_rms_mm);
+    level.add((static_cast<double>(shape.front_rms_mm) - front_mm) / front_mm);
+    largest_mm.add(static_cast<double>(shape.largest_mm - state.truth.largest_mm));
+  }
+  return {{"tier", tier},
+          {"level_bias", level.bias()},
+          {"level_95", quantile(level.sizes, 0.95)},
+          {"largest_bias_mm", largest_mm.bias()},
+          {"largest_95_mm", quantile(largest_mm.sizes, 0.95)},
+          {"us", quantile(us, 0.5)}};
+}
+
 }  // namespace
 
 json compare_shapes(const Model& model, const FingerSpec& spec, const std::vector<CaseState>& states) {
+  using Tier = ShapeSettings::Tier;
   json tiers = json::array();
+  if (states.empty()) return tiers;
+  const std::vector<Measured> measured = measure(model, spec, states);
   for (const auto& [name, tier] : kShapeTiers) {
-    if (states.empty() || (tier == ShapeSettings::Tier::kContact && !model.contact_map)) continue;
+    if (tier == Tier::kBest || (tier == Tier::kContact && !model.contact_map)) continue;  // best is one of the others
     ShapeStage stage(model, {.tier = tier});
-    TouchStage touch(model);
-    Random random(98);
-    Errors level, largest_mm;
-    std::vector<double> us;
-    for (const CaseState& solved : states) {
-      PoseVector numbers = pose_vector({.plates = solved.state.plates, .seen = {true, true, true}});
-      add_noise(spec.noise, random, numbers);
-      stage.reset();
-      Stopwatch watch;
-      const PlatePoses poses = seen_poses({numbers.data(), kPoseDims});
-      const bool is_explained = !touch.locate(poses, numbers, {.is_from_rest = true}).unexplained;
-      watch.lap_us();
-      const FingerShape& shape = stage.solve(poses, numbers, is_explained);
-      us.push_back(watch.lap_us());
-      const double front_mm = static_cast<double>(solved.shape.front_rms_mm);
-      level.add((static_cast<double>(shape.front_rms_mm) - front_mm) / front_mm);
-      largest_mm.add(static_cast<double>(shape.largest_mm - solved.shape.largest_mm));
-    }
-    tiers.push_back({{"tier", name},
-                     {"level_bias", level.bias()},
-                     {"level_95", quantile(level.sizes, 0.95)},
-                     {"largest_bias_mm", largest_mm.bias()},
-                     {"largest_95_mm", quantile(largest_mm.sizes, 0.95)},
-                     {"us", quantile(us, 0.5)}});
+    tiers.push_back(judge(name, stage, measured));
   }
   return tiers;
 }

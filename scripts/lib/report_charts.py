@@ -20,6 +20,7 @@ METHODS = {"float": "ours, float", "double": "ours, double", "eigen": "Eigen's L
 
 
 def at(results, path):
+    """results["a"]["b"] by "a.b"; None where it is missing or was not measured."""
     for key in path.split("."):
         results = results.get(key) if isinstance(results, dict) else None
     return results
@@ -80,7 +81,7 @@ def _tiers(results):
 
 
 def advice(results):
-    tiers = {name: row for name, row in _tiers(results).items() if name != "best"}
+    tiers = _tiers(results)
     if not tiers:
         return []
     best = min(tiers, key=lambda name: tiers[name][1])
@@ -158,9 +159,8 @@ def numerics(results, file):
                         f"{row['worst_mm']:.2g} mm — scripts/report solver", color=colour, ms=5,
                         marker=MARKS[motions.index(row["motion"]) % len(MARKS)],
                         markerfacecolor=colour if row["scalar"] == "float" else "none")
-        for motion in motions[:1]:
-            front = _front([(row["us_per_frame"], row["worst_mm"]) for row in here if row["motion"] == motion])
-            axes.plot(*zip(*front), color="#999999", lw=1, zorder=0)
+        front = _front([(row["us_per_frame"], row["worst_mm"]) for row in here if row["motion"] == motions[0]])
+        axes.plot(*zip(*front), color="#999999", lw=1, zorder=0)
         axes.set(xscale="log", yscale="log", title=f"{mesh:,} tetrahedra", xlabel="µs per frame", ylabel="worst distance, mm")
     for axes in chart.axes[len(meshes):]:
         axes.set_visible(False)

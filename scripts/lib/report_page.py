@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import report_charts
+from report_charts import at
 from report_words import HEADINGS, SECTIONS, WORDS
 
 QUIET_LOAD = 1.0  # average number of other programs that wanted a processor in the minute before
@@ -108,10 +109,6 @@ def figures(values, prefix=""):
     return rows
 
 
-def figure(content, caption):
-    return f"<figure>{content}<figcaption>{caption}</figcaption></figure>\n" if content else ""
-
-
 def picture(folder, name, caption):
     """A plot as a part of the page. Its ids are made its own: several pictures share the document."""
     file = folder / name
@@ -122,15 +119,7 @@ def picture(folder, name, caption):
     svg = re.sub(r"\bid=(['\"])([^'\"]+)\1", rf"id=\1{own}-\2\1", svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{own}-\1)", svg)
     svg = re.sub(r"(xlink:href|href)=(['\"])#([^'\"]+)\2", rf"\1=\2#{own}-\3\2", svg)
-    return figure(svg, caption)
-
-
-def at(results, path):
-    """results["a"]["b"] by "a.b"; None where it is missing or was not measured."""
-    value = results
-    for key in path.split("."):
-        value = value.get(key) if isinstance(value, dict) else None
-    return value
+    return f"<figure>{svg}<figcaption>{caption}</figcaption></figure>\n"
 
 
 def value_of(results, wanted):
