@@ -1,5 +1,6 @@
 #include "hostgen/finger/plate_geometry.h"
 
+#include <Eigen/Geometry>
 #include <limits>
 
 #include "hostgen/finger/front_face.h"
@@ -27,10 +28,12 @@ Eigen::Vector2d plate_half_size_mm(const FingerSpec& spec, int plate) {
           depth_mm * (p.deep[1] - p.deep[0]) / 2};
 }
 
-Eigen::Vector3d front_point_mm(const FingerSpec& spec, double x_mm, double y_mm) {
-  if (!spec.surface) return {x_mm, y_mm, spec.front_z.at(y_mm)};
+FrontPoint front_point(const FingerSpec& spec, double x_mm, double y_mm) {
+  if (!spec.surface) {
+    return {{x_mm, y_mm, spec.front_z.at(y_mm)}, Eigen::Vector3d(0, -spec.front_z.slope, 1).normalized()};
+  }
   const TriangleSurface& surface = spec.surface->surface;
-  Eigen::Vector3d best = Eigen::Vector3d::Zero();
+  FrontPoint best;
   double best_distance = std::numeric_limits<double>::infinity();
   for (const auto& [a, b, c] : spec.surface->front) {
     const std::array<Eigen::Vector3d, 3> corner = {surface.point_mm[a], surface.point_mm[b], surface.point_mm[c]};
@@ -38,7 +41,7 @@ Eigen::Vector3d front_point_mm(const FingerSpec& spec, double x_mm, double y_mm)
     const double distance = (at.head<2>() - Eigen::Vector2d(x_mm, y_mm)).squaredNorm();
     if (distance >= best_distance) continue;
     best_distance = distance;
-    best = at;
+    best = {at, (corner[2] - corner[0]).cross(corner[1] - corner[0]).normalized()};
   }
   return best;
 }
