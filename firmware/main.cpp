@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "firmware/device/finger.h"
+#include "firmware/device/identity.h"
 #include "firmware/device/log.h"
 #include "firmware/device/network_file.h"
 #include "firmware/device/realtime.h"
@@ -36,6 +37,7 @@ constexpr const char* kUsage =
     "                    [[finger]] tables one file for each, registers-NAME.csv for registers.csv\n"
     "  --check           read settings and model, run the self-test, and stop\n"
     "  --safe-outputs    set the digital outputs to their safe levels, and stop: for after a crash\n"
+    "  --identity        print serial number, ports and write key, and stop\n"
     "  --network FILE    write the [network] section for systemd-networkd to this file, and stop\n"
     "  --safe-mode CODE  only serve a fault, for five minutes: that the firmware ended repeatedly with this exit code\n"
     "  --help, --version\n"
@@ -49,7 +51,7 @@ std::atomic<bool> stop_requested{false};
 
 struct Arguments {
   std::string settings, user, registers, network, safe_mode;
-  bool check = false, safe_outputs = false;
+  bool check = false, safe_outputs = false, identity = false;
 };
 
 /// That of --safe-mode: a number, or a signal's name, as systemd's MONITOR_EXIT_STATUS has them.
@@ -88,15 +90,19 @@ Arguments parse(int argc, char** argv) {
       arguments.check = true;
     } else if (word == "--safe-outputs") {
       arguments.safe_outputs = true;
+    } else if (word == "--identity") {
+      arguments.identity = true;
     } else {
       throw InputError("\"" + word + "\"",
                        word.starts_with("-") ? "unknown option (try --help)" : "belongs to no option (try --help)");
     }
   }
   if (arguments.settings.empty()) throw InputError("--settings", "is missing (try --help)");
-  const int instead = arguments.check + arguments.safe_outputs + !arguments.network.empty() +
+  const int instead = arguments.check + arguments.safe_outputs + arguments.identity + !arguments.network.empty() +
                       !arguments.safe_mode.empty() + !arguments.registers.empty();
-  if (instead > 1) throw InputError("--registers, --check, --safe-outputs, --network, --safe-mode", "only one of them");
+  if (instead > 1) {
+    throw InputError("--registers, --check, --safe-outputs, --identity, --network, --safe-mode", "only one of them");
+  }
   check_exit_code(arguments.safe_mode);
   return arguments;
 }
@@ -212,8 +218,17 @@ FaultCode fault_after(const std::string& exit_code) {
   return exit_code == std::to_string(kSelfTestFailed) ? FaultCode::kSelfTest : FaultCode::kFailedRepeatedly;
 }
 
+/// What people and programs find the device by.
+int print_identity(const Settings& settings) {
+  std::printf("serial=%s\nmodbus_port=%d\npage_port=%s\nwrite_key=%d\n",
+              identity_of(settings, nullptr).serial_number.c_str(), settings.modbus.port,
+              settings.page ? std::to_string(settings.page->port).c_str() : "", settings.write_key);
+  return kDone;
+}
+
 int start(const Arguments& arguments, std::optional<OrderedReset>& reset) {
   const SettingsFiles files(arguments.settings, arguments.user);
+  if (arguments.identity) return print_identity(read_usable_settings(files));
   if (!arguments.check && !arguments.safe_outputs && arguments.network.empty()) {
     if (const auto page = read_usable_settings(files).page) keep_log(page->folder);
   }

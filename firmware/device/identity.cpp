@@ -1,6 +1,7 @@
 #include "firmware/device/identity.h"
 
 #include <array>
+#include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <fstream>
@@ -45,10 +46,24 @@ std::uint32_t day_of_newest(const std::vector<fs::path>& files) {
   return static_cast<std::uint32_t>(int{day.year()}) * 10000 + unsigned{day.month()} * 100 + unsigned{day.day()};
 }
 
+/// The appliance's system writes "VERSION SLOT" there at its start.
+void identify_image(const fs::path& file, DeviceIdentity& identity) {
+  std::ifstream in(file);
+  std::string version, slot;
+  if (!(in >> version >> slot)) return;
+  const std::size_t digits = std::string("2611222207").size();
+  const std::string made = version.size() < digits ? "" : version.substr(version.size() - digits);
+  std::from_chars(made.data(), made.data() + made.size(), identity.image_made);
+  for (const NamedValue& value : row_named("image_slot").values) {
+    if (slot == value.name) identity.image_slot = value.value;
+  }
+}
+
 }  // namespace
 
-DeviceIdentity identity_of(const Settings& settings, const Model* model) {
+DeviceIdentity identity_of(const Settings& settings, const Model* model, const fs::path& image) {
   DeviceIdentity identity;
+  identify_image(image, identity);
   identity.calibration_date = settings.calibration_date;
   identity.serial_number = settings.serial_number;
   if (model) {

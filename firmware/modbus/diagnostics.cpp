@@ -86,6 +86,8 @@ void write_diagnostics(const ServerCounts& counts, const LoopHealth& health, con
   }
   block.count(row_named("pictures_broken"), health.pictures_broken);
   block.measured(row_named("camera_rate"), static_cast<double>(health.camera_rate_hz), true);
+  block.count(row_named("image_made"), identity.image_made);
+  block.count(row_named("image_slot"), identity.image_slot);
 }
 
 }  // namespace finsight

@@ -18,6 +18,8 @@ struct DeviceIdentity {
   std::uint32_t model_checksum = 0;
   std::uint32_t calibration_date = 0;  ///< as 20261122; 0: not known
   std::string model_name, serial_number;
+  std::uint32_t image_made = 0;  ///< as the register of this name
+  std::uint16_t image_slot = 0;  ///< code of the register of this name
 };
 
 struct FaultRecord {

@@ -248,6 +248,8 @@ inline constexpr RegisterRow kDiagnostics[] = {
     FINSIGHT_FAULT(5, 3103), FINSIGHT_FAULT(6, 3107), FINSIGHT_FAULT(7, 3111), FINSIGHT_FAULT(8, 3115),
     row::count(3119, "pictures_broken", kUint32, "that the camera sent and nobody could decode"),
     row::measured(3121, "camera_rate", kUint16, 0.01, "Hz", "frames that the camera gives, taken or not, over the last two seconds", "not known"),
+    row::count(3122, "image_made", kUint32, "when the appliance's image was made, as at the end of its version: 2611222207 of 0.1.0-202611222207; 0: the firmware runs in none"),
+    row::code(3124, "image_slot", kImageSlots, "that the appliance runs from: another than before means that it has changed its system"),
 };
 #undef FINSIGHT_FAULT
 // clang-format on

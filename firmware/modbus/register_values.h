@@ -25,6 +25,12 @@ inline constexpr NamedValue kStatusBits[] = {
     {15, "any_fault"},
 };
 
+inline constexpr NamedValue kImageSlots[] = {
+    {0, "none", "the firmware runs in no image of an appliance"},
+    {1, "a"},
+    {2, "b"},
+};
+
 inline constexpr NamedValue kFaults[] = {
     {0, "none"},
     {1, "camera_lost"},

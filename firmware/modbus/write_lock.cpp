@@ -10,7 +10,7 @@ Exception WriteLock::try_key(std::uint16_t key, std::uint32_t client, std::int64
   const bool must_wait = failed != failed_.end() && now_ns < failed->wait_until_ns;
   // A client that is unlocked already learns nothing from its key being right.
   if (must_wait && !(key == key_ && is_unlocked(client, now_ns))) return Exception::kBusy;
-  if (key != key_) {
+  if (key != key_ || key == kNoWriteKey) {
     note_wrong_key(client, now_ns);
     return Exception::kIllegalValue;
   }

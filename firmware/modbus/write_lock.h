@@ -11,6 +11,7 @@
 namespace finsight {
 
 inline constexpr std::uint16_t kDefaultWriteKey = 18003;  // "FS"
+inline constexpr std::uint16_t kNoWriteKey = 0;           ///< no key is right: nobody can write
 inline constexpr std::int64_t kUnlocked_ns = 30'000'000'000;
 
 /// Not thread-safe: under Control's mutex. Times are of the steady clock; clients are addresses (ClientAccess).

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <fstream>
 #include <iterator>
 #include <utility>
 
@@ -174,6 +175,13 @@ std::vector<std::uint32_t> read_reserved(TomlTable& table, const ModbusSettings&
   return addresses;
 }
 
+/// The device's own key, which its system has made. Without a usable file nobody can write.
+std::uint16_t key_in(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  int key = 0;
+  return in >> key && key > 0 && key <= 65535 ? static_cast<std::uint16_t>(key) : kNoWriteKey;
+}
+
 void read_modbus(TomlTable table, Settings& settings) {
   ModbusSettings& modbus = settings.modbus;
   modbus.address = table.text("address", modbus.address);
@@ -195,6 +203,7 @@ void read_modbus(TomlTable table, Settings& settings) {
   modbus.allow = read_networks(table, "allow");
   modbus.allow_writes = read_networks(table, "allow_writes");
   modbus.reserve = read_reserved(table, modbus);
+  if (table.has("write_key_file")) settings.write_key = key_in(table.path("write_key_file"));
   settings.write_key = static_cast<std::uint16_t>(table.integer("write_key", 1, 65535, settings.write_key));
   const bool low_word_first = table.choice("word_order", {"ABCD", "CDAB"}, "ABCD") == "CDAB";
   settings.loop.runtime[kWordOrder] =

@@ -49,7 +49,8 @@ constexpr const char* kSkeleton = R"({
   "modbus": {"read_us_p50": null, "read_us_p99": null, "hostile_worst_ms": null, "why": "area modbus was not measured"},
   "pictures": [],
   "page": {"loop_cost_us": null, "dropped": null, "why": "area page was not measured"},
-  "appliance": {"boot_s": null, "slot_mb": null, "security_score": null, "why": "area appliance was not measured"}
+  "appliance": {"boot_s": null, "own_start_s": null, "slot_mb": null, "security_score": null,
+    "faults": {"injected": null, "recovered": null, "worst_s": null}, "why": "area appliance was not measured"}
 })";
 
 // Adds the keys of `wanted` that `have` lacks; existing ones stay. A measured object has lost its "why" and gets it

@@ -135,6 +135,17 @@ TEST_CASE("identity: model, serial number and calibration date come from pack an
   CHECK(device.read(3036, 2) == model.checksum);
 }
 
+TEST_CASE("identity: which version of the image runs, and from which slot") {
+  const test::ScratchFolder folder;
+  Diagnosed device;
+  device.control.identify(identity_of({}, nullptr, folder / "missing"));
+  CHECK(device.read(3122, 2) == 0);
+  CHECK(device.read(3124) == 0);
+  device.control.identify(identity_of({}, nullptr, folder.write("image", "0.1.0-202611222207 b\n")));
+  CHECK(device.read(3122, 2) == 2'611'222'207);
+  CHECK(device.read(3124) == 2);
+}
+
 TEST_CASE("identity: without a date in the board file, it is the day on which the newest measured file was written") {
   const test::ScratchFolder folder;
   Settings settings;

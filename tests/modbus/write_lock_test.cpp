@@ -98,3 +98,10 @@ TEST_CASE("write lock: while sixteen clients write, another's right key is answe
   CHECK(lock.try_key(kKey, kPlc, 30 * kSecond) == Exception::kNone);
   CHECK(lock.is_unlocked(10, 30 * kSecond));
 }
+
+TEST_CASE("write lock: a device that has no key is unlocked by none") {
+  WriteLock lock(kNoWriteKey);
+  CHECK(lock.try_key(0, kPlc, 0) == Exception::kIllegalValue);
+  CHECK(lock.try_key(kDefaultWriteKey, kPlc, kSecond) == Exception::kIllegalValue);
+  CHECK_FALSE(lock.is_unlocked(kPlc, kSecond));
+}

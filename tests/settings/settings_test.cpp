@@ -146,6 +146,19 @@ TEST_CASE("settings: every key arrives") {
   CHECK(settings.recordings == "/data/recordings");
 }
 
+TEST_CASE("settings: the key of a device can stand in a file of its own, and without a usable one nobody can write") {
+  const test::ScratchFolder folder;
+  const auto board = folder.write("board.toml", replaced(kFull, "write_key = 4711", "write_key_file = \"key\""));
+  for (const char* useless : {"", "0\n", "65536\n", "-3\n", "abc\n"}) {
+    folder.write("key", useless);
+    CHECK(read_settings(board).write_key == kNoWriteKey);
+  }
+  folder.write("key", "815\n");
+  CHECK(read_settings(board).write_key == 815);
+  const auto user = folder.write("user.toml", "[modbus]\nwrite_key = 7\n");
+  CHECK(read_settings({board, user}).write_key == 7);
+}
+
 TEST_CASE("settings: every choice is known") {
   using Tier = ShapeSettings::Tier;
   for (const auto& [name, tier] : {std::pair{"measures", Tier::kMeasures},
