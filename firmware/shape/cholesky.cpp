@@ -97,7 +97,7 @@ void Cholesky<S>::make_fronts(const CholeskyPlan& plan) {
   constexpr std::size_t kLargestFactor = std::size_t{1} << 28;
   if (panel_size > kLargestFactor)
     refuse("supernode_start", static_cast<long long>(panel_size), "a factor of at most 2^28 numbers");
-  panels_.resize(panel_size / dense::kWidth<S>);
+  panels_.resize(panel_size / dense::kWidth<S> + 1);  // one more for dense::add_block()
   front_vector_.resize(longest / dense::kWidth<S>);
 }
 
@@ -165,7 +165,7 @@ void Cholesky<S>::place_updates() {
     for (std::size_t c = front.children_begin; c < front.children_end; ++c)
       std::erase_if(live, [&](const auto& range) { return range.first == fronts_[children_[c]].update; });
   }
-  updates_.resize(total / dense::kWidth<S>);
+  updates_.resize(total / dense::kWidth<S> + 1);  // one more for dense::add_block()
 }
 
 template <class S>
@@ -252,21 +252,23 @@ void Cholesky<S>::fill_panel(const Front& front) {
 }
 
 // Adds the columns of a child's update that the given segments hold (lower triangle) to `target`: the panel of the
-// parent or its update, whose row 0 is row `row_shift` of the parent's front.
+// parent or its update, whose row 0 is row `row_shift` of the parent's front. Block by block, so that two writes to
+// neighbouring rows are far apart in time.
 template <class S>
 void Cholesky<S>::add_child(const Front& child, std::size_t segments_begin, std::size_t segments_end, S* target,
                             int stride, int row_shift) {
-  const S* U = update(child);
   for (std::size_t s = segments_begin; s < segments_end; ++s) {
-    const Segment& columns = segments_[s];
+    const Segment columns = segments_[s];
+    const S* from = update(child) + static_cast<std::size_t>(columns.source) * child.update_stride;
+    S* to = target + static_cast<std::size_t>(columns.destination - row_shift) * stride - row_shift;
     for (int c = 0; c < columns.length; ++c) {
-      const S* from = U + static_cast<std::size_t>(columns.source + c) * child.update_stride;
-      S* to = target + static_cast<std::size_t>(columns.destination + c - row_shift) * stride - row_shift;
-      for (int r = c; r < columns.length; ++r) to[columns.destination + r] += from[columns.source + r];
-      for (std::size_t t = s + 1; t < child.segments_end; ++t) {
-        const Segment rows = segments_[t];
-        for (int r = 0; r < rows.length; ++r) to[rows.destination + r] += from[rows.source + r];
-      }
+      dense::add_block(from + c * child.update_stride + columns.source + c, 0,
+                       to + c * stride + columns.destination + c, 0, columns.length - c, 1);
+    }
+    for (std::size_t t = s + 1; t < child.segments_end; ++t) {
+      const Segment rows = segments_[t];
+      dense::add_block(from + rows.source, child.update_stride, to + rows.destination, stride, rows.length,
+                       columns.length);
     }
   }
 }

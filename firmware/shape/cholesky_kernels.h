@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <limits>
 
 #include "firmware/shape/simd.h"
@@ -42,6 +43,35 @@ enum class Write { kSubtract, kNegate };
 template <class S>
 inline void clear(S* to, Index count) {
   for (Index i = 0; i < count; i += kWidth<S>) simd::store(to + i, simd::Vector<S>{});
+}
+
+// Whether a lane is one of the first `count`: all bits set or none.
+template <class S>
+inline auto first_lanes(int count) {
+  using Mask = decltype(simd::Vector<S>{} == simd::Vector<S>{});
+  using Lane = simd::Scalar<Mask>;
+  struct Table {
+    Lane lanes[2 * kWidth<S>] = {};
+    constexpr Table() { std::fill_n(lanes, kWidth<S>, Lane(-1)); }
+  };
+  static constexpr Table table;
+  Mask mask;
+  std::memcpy(&mask, table.lanes + kWidth<S> - count, sizeof mask);
+  return mask;
+}
+
+// Adds a block of rows x columns to another, column by column. Whole vectors are read and written, so both blocks must
+// be followed by at least a vector of memory; what follows is read, and written back as it was.
+template <class S>
+inline void add_block(const S* from, Index from_stride, S* to, Index to_stride, int rows, int columns) {
+  using V = simd::Vector<S>;
+  const int whole = rows / kWidth<S> * kWidth<S>;
+  const auto mask = first_lanes<S>(rows - whole);
+  for (int c = 0; c < columns; ++c, from += from_stride, to += to_stride) {
+    for (int r = 0; r < whole; r += kWidth<S>) simd::store(to + r, V(simd::load(to + r) + simd::load(from + r)));
+    if (whole == rows) continue;
+    simd::store(to + whole, V(simd::load(to + whole) + (mask ? simd::load(from + whole) : V{})));
+  }
 }
 
 // C = (C or 0) - A B^T for a tile of kVectors vectors of rows and kCount columns; A and B lie in the same panel.

@@ -91,6 +91,7 @@ template <class S>
 void Elements<S>::add_batch(const ShapeModel& model, const Cholesky<S>* cholesky,
                             std::span<const std::array<int, 4>> tets) {
   Batch& batch = batches_.emplace_back();
+  for (auto& blocks : batch.destination) blocks.fill(kNowhere);
   for (int lane = 0; lane < kWidth; ++lane) {
     const bool repeated = lane >= static_cast<int>(tets.size());
     const std::array<int, 4>& tet = repeated ? tets.back() : tets[lane];
@@ -98,24 +99,22 @@ void Elements<S>::add_batch(const ShapeModel& model, const Cholesky<S>* cholesky
     for (int i = 0; i < 9; ++i) batch.B[i][lane] = static_cast<S>(inverse(i / 3, i % 3));
     batch.weight[lane] = repeated ? 0 : 1;
     for (int a = 0; a < 4; ++a) batch.offset[a][lane] = 3 * tet[a];
-    if (cholesky && !repeated) add_targets(model, *cholesky, tet, lane);
+    if (cholesky && !repeated) add_targets(model, *cholesky, tet, lane, batch);
   }
-  batch.blocks_end = static_cast<std::int32_t>(block_targets_.size());
   batch.couplings_end = static_cast<std::int32_t>(couplings_.size());
 }
 
 template <class S>
 void Elements<S>::add_targets(const ShapeModel& model, const Cholesky<S>& cholesky, const std::array<int, 4>& tet,
-                              int lane) {
+                              int lane, Batch& batch) {
   for (int k = 0; k < 10; ++k) {
     const int row = tet[kElementBlocks[k][0]], column = tet[kElementBlocks[k][1]];
     if (model.free_index[column] < 0) continue;
-    const std::int32_t source = 9 * k * kWidth + lane;
     if (model.free_index[row] >= 0) {
       const auto place = cholesky.place(model.free_index[row], model.free_index[column]);
-      block_targets_.push_back({source, static_cast<std::int32_t>(9 * place.index)});
+      batch.destination[lane][k] = static_cast<std::int32_t>(9 * place.index);
     } else if (model.node_kind[row] >= 2) {
-      couplings_.push_back({source, 3 * column, 3 * row});
+      couplings_.push_back({9 * k * kWidth + lane, 3 * column, 3 * row});
     }
   }
 }
@@ -134,6 +133,35 @@ void Elements<S>::scatter(const Batch& batch, const V g[12], std::span<S> gradie
   for (int a = 0; a < 4; ++a)
     for (int lane = 0; lane < kWidth; ++lane)
       for (int d = 0; d < 3; ++d) gradient[batch.offset[a][lane] + d] += g[3 * a + d][lane];
+}
+
+// A tetrahedron's numbers lie a vector apart. Where four of them come side by side first, they are added to a block
+// four at a time: a third of the memory accesses. Alters H.
+template <class S>
+void Elements<S>::scatter_blocks(const Batch& batch, V H[90], std::span<S> blocks) {
+  constexpr bool kByFour = kWidth % 4 == 0;
+  using Four = simd::FourOf<S>;
+  if constexpr (kByFour) {
+    for (int k = 0; k < 90; k += 9) {
+      simd::transpose_by_four(H + k);
+      simd::transpose_by_four(H + k + 4);
+    }
+  }
+  const S* numbers = reinterpret_cast<const S*>(H);
+  for (int lane = 0; lane < kWidth; ++lane) {
+    const S* from = numbers + (kByFour ? lane % 4 * kWidth + lane / 4 * 4 : lane);
+    for (int k = 0; k < 10; ++k, from += 9 * kWidth) {
+      if (batch.destination[lane][k] == kNowhere) continue;
+      S* to = blocks.data() + batch.destination[lane][k];
+      if constexpr (kByFour) {
+        simd::store_four(to, Four(simd::load_four(to) + simd::load_four(from)));
+        simd::store_four(to + 4, Four(simd::load_four(to + 4) + simd::load_four(from + 4 * kWidth)));
+        to[8] += numbers[(9 * k + 8) * kWidth + lane];
+      } else {
+        for (int i = 0; i < 9; ++i) to[i] += from[i * kWidth];
+      }
+    }
+  }
 }
 
 template <class S>
@@ -169,18 +197,13 @@ void Elements<S>::gradient_and_hessian(std::span<const S> x, std::span<const S> 
                                        std::span<S> blocks) const {
   std::fill(g.begin(), g.end(), S(0));
   std::fill(blocks.begin(), blocks.end(), S(0));
-  std::int32_t target = 0, coupling = 0;
+  std::int32_t coupling = 0;
   for (const Batch& batch : batches_) {
     V F[9], element_g[12], element_H[90];
     gather(batch, x, F);
     element_hessian(F, batch.B, batch.weight, element_g, element_H);
     scatter(batch, element_g, g);
     const S* H = reinterpret_cast<const S*>(element_H);
-    for (; target < batch.blocks_end; ++target) {
-      const S* from = H + block_targets_[target].source;
-      S* to = blocks.data() + block_targets_[target].destination;
-      for (int i = 0; i < 9; ++i) to[i] += from[i * kWidth];
-    }
     for (; coupling < batch.couplings_end; ++coupling) {
       const S* from = H + couplings_[coupling].source;
       const S* step = plate_step.data() + couplings_[coupling].plate_offset;
@@ -188,6 +211,7 @@ void Elements<S>::gradient_and_hessian(std::span<const S> x, std::span<const S> 
       for (int c = 0; c < 3; ++c)
         to[c] += from[c * kWidth] * step[0] + from[(3 + c) * kWidth] * step[1] + from[(6 + c) * kWidth] * step[2];
     }
+    scatter_blocks(batch, element_H, blocks);
   }
 }
 

@@ -46,24 +46,25 @@ class Elements {
     std::array<std::array<std::int32_t, kWidth>, 4> offset;  // 3 * node
     V B[9];
     V weight;
-    std::int32_t blocks_end, couplings_end;
+    // Where each tetrahedron's blocks of the Hessian go, in scalars; kNowhere for blocks of nodes that are not free.
+    std::array<std::array<std::int32_t, 10>, kWidth> destination;
+    std::int32_t couplings_end;
   };
-  // Where a block of a batch's Hessian goes: source counts scalars from the start of the batch's H[90].
-  struct BlockTarget {
-    std::int32_t source, destination;
-  };
-  // A block (plate node, free node): its transpose times the plate's step acts on the free node.
+  static constexpr std::int32_t kNowhere = -1;
+  // A block (plate node, free node): its transpose times the plate's step acts on the free node. source counts scalars
+  // from the start of the batch's H[90].
   struct Coupling {
     std::int32_t source, free_offset, plate_offset;
   };
 
   void add_batch(const ShapeModel& model, const Cholesky<S>* cholesky, std::span<const std::array<int, 4>> tets);
-  void add_targets(const ShapeModel& model, const Cholesky<S>& cholesky, const std::array<int, 4>& tet, int lane);
+  void add_targets(const ShapeModel& model, const Cholesky<S>& cholesky, const std::array<int, 4>& tet, int lane,
+                   Batch& batch);
   static void gather(const Batch& batch, std::span<const S> x, V F[9]);
   static void scatter(const Batch& batch, const V g[12], std::span<S> gradient);
+  static void scatter_blocks(const Batch& batch, V H[90], std::span<S> blocks);
 
   std::vector<Batch> batches_;
-  std::vector<BlockTarget> block_targets_;
   std::vector<Coupling> couplings_;
   double mean_edge_mm_ = 0;
 };

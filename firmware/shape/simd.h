@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <type_traits>
+#include <utility>
 
 namespace finsight::simd {
 
@@ -62,6 +63,44 @@ template <class S>
 inline void store(S* to, const Vector<S>& x) {
   typedef S Unaligned __attribute__((vector_size(kVectorBytes), aligned(alignof(S)), may_alias));
   *reinterpret_cast<Unaligned*>(to) = x;
+}
+
+/// Four numbers, from memory and back; no alignment needed.
+template <class S>
+struct FourVectorOf {
+  typedef S Type __attribute__((vector_size(4 * sizeof(S))));
+};
+template <class S>
+using FourOf = typename FourVectorOf<S>::Type;
+template <class S>
+inline FourOf<S> load_four(const S* from) {
+  typedef S Unaligned __attribute__((vector_size(4 * sizeof(S)), aligned(alignof(S)), may_alias));
+  return *reinterpret_cast<const Unaligned*>(from);
+}
+template <class S>
+inline void store_four(S* to, const FourOf<S>& x) {
+  typedef S Unaligned __attribute__((vector_size(4 * sizeof(S)), aligned(alignof(S)), may_alias));
+  *reinterpret_cast<Unaligned*>(to) = x;
+}
+
+/// Exchanges rows and columns in each group of four lanes of four vectors: x[j] gets lane 4 g + j of all four at the
+/// lanes 4 g to 4 g + 3.
+template <class V>
+inline void transpose_by_four(V x[4]) {
+  constexpr int kCount = kLanes<V>;
+  const auto interleave = [](const V& a, const V& b, auto pick) {
+    return [&]<int... I>(std::integer_sequence<int, I...>) { return __builtin_shufflevector(a, b, pick(I)...); }
+    (std::make_integer_sequence<int, kCount>());
+  };
+  // Of each group, the first two lanes of a and b in turn, or the last two.
+  constexpr auto kLow = [](int i) { return i / 4 * 4 + i % 4 / 2 + (i % 2) * kCount; };
+  constexpr auto kHigh = [](int i) { return i / 4 * 4 + 2 + i % 4 / 2 + (i % 2) * kCount; };
+  const V a = interleave(x[0], x[2], kLow), b = interleave(x[1], x[3], kLow);
+  const V c = interleave(x[0], x[2], kHigh), d = interleave(x[1], x[3], kHigh);
+  x[0] = interleave(a, b, kLow);
+  x[1] = interleave(a, b, kHigh);
+  x[2] = interleave(c, d, kLow);
+  x[3] = interleave(c, d, kHigh);
 }
 
 /// f of every lane. Compilers turn the loop into one instruction where the target has it (sqrt).
