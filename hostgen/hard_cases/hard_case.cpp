@@ -77,7 +77,10 @@ HardCaseResult run_hard_case(const ShapeParts& parts, const HardCase& hard_case)
     if (result.end_flagged || (k % 16 != 0 && !is_last)) continue;
     const std::optional<double> distance = truth.distance(poses, shape.node_mm);
     if (!distance) continue;
-    result.worst_mm = std::max(result.worst_mm, *distance);
+    if (*distance > result.worst_mm || result.worst_node_mm.empty()) {
+      result.worst_mm = *distance;
+      result.worst_node_mm.assign(shape.node_mm.begin(), shape.node_mm.end());
+    }
     if (is_last) result.end_mm = *distance;
   }
   return result;

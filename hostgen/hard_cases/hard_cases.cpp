@@ -142,11 +142,19 @@ void add_noise(const MountModel& mount, std::vector<HardCase>& cases) {
 }  // namespace
 
 std::vector<HardCaseResult> run_hard_cases(const ShapeParts& parts, int walk_frames) {
-  std::vector<HardCase> cases;
-  for (const auto add : {add_bends, add_jumps, add_impossible, add_losses, add_numbers, add_noise})
-    add(parts.mount, cases);
+  constexpr std::pair<const char*, void (*)(const MountModel&, std::vector<HardCase>&)> kFamilies[] = {
+      {"bends and twists", add_bends},      {"jumps", add_jumps},
+      {"impossible poses", add_impossible}, {"plates not seen", add_losses},
+      {"spoilt numbers", add_numbers},      {"noise", add_noise}};
   std::vector<HardCaseResult> results;
-  for (const HardCase& hard_case : cases) results.push_back(run_hard_case(parts, hard_case));
+  for (const auto& [family, add] : kFamilies) {
+    std::vector<HardCase> cases;
+    add(parts.mount, cases);
+    for (const HardCase& hard_case : cases) {
+      results.push_back(run_hard_case(parts, hard_case));
+      results.back().family = family;
+    }
+  }
   run_variants(parts, results);
   results.push_back(run_random_walk(parts, walk_frames));
   return results;
@@ -155,7 +163,7 @@ std::vector<HardCaseResult> run_hard_cases(const ShapeParts& parts, int walk_fra
 // Bend and twist wander within the finger's range and speed, with the camera's noise. Every thousandth frame is
 // compared with the truth, which reveals drift and a wrong minimum that lasts.
 HardCaseResult run_random_walk(const ShapeParts& parts, int frames) {
-  HardCaseResult result{.name = "random walk of " + std::to_string(frames) + " frames"};
+  HardCaseResult result{.family = "random walk", .name = "random walk of " + std::to_string(frames) + " frames"};
   result.allowed_steps = max_steps({});
   result.allowed_mm = result.allowed_end_mm = 0.1;
   ShapeStage stage(parts, {});

@@ -11,7 +11,7 @@ namespace finsight::host {
 
 /// Result of one case.
 struct HardCaseResult {
-  std::string name;
+  std::string family = {}, name = {};
   int frames = 0;
   int flagged = 0;             ///< frames whose shape is marked as a fallback or invalid
   int non_finite = 0;          ///< frames with a non-finite coordinate or measure
@@ -22,6 +22,7 @@ struct HardCaseResult {
   double worst_mm = 0, allowed_mm = 0;    ///< largest distance of a node to the converged shape, in frames not flagged
   double end_mm = 0, allowed_end_mm = 0;  ///< the same in the last frame, when the motion has stopped
   bool end_flagged = false, may_end_flagged = false;
+  std::vector<float> worst_node_mm = {};  ///< [3 * nodes] the shape that was worst_mm off; empty for some cases
 
   bool good() const {
     return non_finite == 0 && inverted_unflagged == 0 && max_steps <= allowed_steps && worst_mm <= allowed_mm &&

@@ -69,14 +69,15 @@ HardMotion& HardMotion::lose(const std::vector<Plate>& plates, int first, int co
   return *this;
 }
 
-HardMotion& HardMotion::noise(double size) {
+HardMotion& HardMotion::noise(double size, int first, int count) {
   constexpr double kDegree = std::numbers::pi / 180;
   constexpr double kLateral_mm = 0.02, kDepth_mm = 0.15, kTilt = 0.6 * kDegree, kRoll = 0.1 * kDegree;
   constexpr double kSigma[6] = {kLateral_mm, kDepth_mm, kLateral_mm, kTilt, kRoll, kTilt};  // the camera looks along y
   Random random(1);
-  for (PlatePoses& poses : frames)
+  const int end = first + std::min(count, static_cast<int>(frames.size()) - first);
+  for (int k = first; k < end; ++k)
     for (int i = 0; i < kPoseDims; ++i)
-      number_of(poses, i) += static_cast<float>(size * kSigma[i % 6] * random.normal());
+      number_of(frames[static_cast<std::size_t>(k)], i) += static_cast<float>(size * kSigma[i % 6] * random.normal());
   return *this;
 }
 

@@ -1,6 +1,7 @@
 // Builds the plate motions of the hard cases, frame by frame at 60 frames/s.
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "firmware/model/model.h"
@@ -25,8 +26,8 @@ class HardMotion {
   HardMotion& hold(int frames);
   /// Hides a plate for `count` frames from `first` on: it keeps its motion; if no plate is seen the poses are invalid.
   HardMotion& lose(const std::vector<Plate>& plates, int first, int count);
-  /// Adds noise to every frame: `size` times the camera's estimated noise.
-  HardMotion& noise(double size);
+  /// Adds noise to `count` frames from `first` on, to all by default: `size` times the camera's estimated noise.
+  HardMotion& noise(double size, int first = 0, int count = std::numeric_limits<int>::max());
   /// Repeats the last frame with one of its plate numbers replaced, then once more without.
   HardMotion& spoil(int number, float value);
 

@@ -206,12 +206,18 @@ void run_soft_handles(const ShapeParts& parts, std::vector<HardCaseResult>& resu
 }  // namespace
 
 void run_variants(const ShapeParts& parts, std::vector<HardCaseResult>& results) {
-  run_slivers(parts, results);
-  run_units(parts, results);
-  run_tiers(parts, results);
-  run_inverted_start(parts, results);
-  run_float_against_double(parts, results);
-  run_soft_handles(parts, results);
+  constexpr std::pair<const char*, void (*)(const ShapeParts&, std::vector<HardCaseResult>&)> kFamilies[] = {
+      {"slivers", run_slivers},
+      {"other units", run_units},
+      {"other tiers and schedules", run_tiers},
+      {"inverted start", run_inverted_start},
+      {"float against double", run_float_against_double},
+      {"soft handles", run_soft_handles}};
+  for (const auto& [family, run] : kFamilies) {
+    const std::size_t first = results.size();
+    run(parts, results);
+    for (std::size_t k = first; k < results.size(); ++k) results[k].family = family;
+  }
 }
 
 }  // namespace finsight::host

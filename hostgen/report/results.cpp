@@ -2,7 +2,6 @@
 
 #include <sys/utsname.h>
 
-#include <cmath>
 #include <ctime>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -25,7 +24,7 @@ constexpr const char* kSkeleton = R"({
              "ratio_to_cholmod": null, "growth_exponent": null, "why": "area solver was not measured"},
   "speed_error": [],
   "hard_cases": {"total": null, "non_finite": null, "inverted_unflagged": null, "worst_iterations": null,
-                 "why": "no table of hard cases exists yet"},
+                 "why": "area hard was not measured"},
   "fem": {"states": null, "failed": null, "seconds": null, "calculix_max_diff_mm": null,
           "why": "area fem was not measured"},
   "touch": {"random_clean": {"rmse_mm": null, "r2": null}, "held_out_clean": {"rmse_mm": null, "r2": null},
@@ -49,6 +48,8 @@ constexpr const char* kSkeleton = R"({
   "modbus": {"read_us_p50": null, "read_us_p99": null, "hostile_worst_ms": null, "why": "area modbus was not measured"},
   "pictures": [],
   "page": {"loop_cost_us": null, "dropped": null, "why": "area page was not measured"},
+  "fingers": {"1": {"p99_ms": null, "dropped": null}, "2": {"p99_ms": null, "dropped": null},
+              "why": "area fingers was not measured"},
   "appliance": {"boot_s": null, "own_start_s": null, "slot_mb": null, "security_score": null,
     "faults": {"injected": null, "recovered": null, "worst_s": null}, "why": "area appliance was not measured"}
 })";
@@ -115,12 +116,6 @@ std::string today() {
 
 }  // namespace
 
-const std::vector<std::string>& report_areas() {
-  static const std::vector<std::string> areas = {"solver", "fem",    "touch", "scene",    "real",     "force",
-                                                 "vision", "modbus", "page",  "pictures", "appliance"};
-  return areas;
-}
-
 Results::Results(std::filesystem::path file) : file_(std::move(file)), json_(std::make_unique<json>(json::object())) {
   if (std::filesystem::exists(file_)) {
     *json_ = json::parse(read_file(file_), nullptr, false);
@@ -131,7 +126,7 @@ Results::Results(std::filesystem::path file) : file_(std::move(file)), json_(std
 
 Results::~Results() = default;
 
-void Results::measured(const std::string& area, const json& figures, const std::string& profile, double load) {
+void Results::measured(const std::string& area, const json& figures, const std::string& profile) {
   overwrite(*json_, figures);
   (*json_)["machine"] = machine_name();
   (*json_)["commit"] = first_line_of("git describe --always --dirty 2>/dev/null");
@@ -139,7 +134,6 @@ void Results::measured(const std::string& area, const json& figures, const std::
   (*json_)["measured"][area] = {
       {"date", today()},
       {"profile", profile},
-      {"load", std::round(100 * load) / 100},
       {"commit", (*json_)["commit"]},
       {"command", "scripts/report " + std::string(profile == "quick" ? "--quick " : "") + area}};
 }

@@ -6,12 +6,8 @@
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
-#include <vector>
 
 namespace finsight::host {
-
-/// The areas that can be measured alone, in the order of the page.
-const std::vector<std::string>& report_areas();
 
 /// The report's figures, kept between runs: an area that is not measured keeps its figures and their date.
 class Results {
@@ -22,9 +18,8 @@ class Results {
   Results(const Results&) = delete;
   Results& operator=(const Results&) = delete;
 
-  /// Replaces figures by those of `figures`, key by key, and dates the area. `load`: the machine's average load in the
-  /// minute before.
-  void measured(const std::string& area, const nlohmann::json& figures, const std::string& profile, double load = 0);
+  /// Replaces figures by those of `figures`, key by key, and dates the area.
+  void measured(const std::string& area, const nlohmann::json& figures, const std::string& profile);
   const nlohmann::json& all() const;
   void write() const;
 

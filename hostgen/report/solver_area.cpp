@@ -8,7 +8,6 @@
 
 #include "firmware/shape/shape_measures.h"
 #include "firmware/shape/shape_stage.h"
-#include "hostgen/hard_cases/hard_cases.h"
 #include "hostgen/hard_cases/motions.h"
 #include "hostgen/hard_cases/shape_distance.h"
 #include "hostgen/report/areas.h"
@@ -97,33 +96,6 @@ json measure_solver(const Model& model, const json& bench, bool quick) {
   for (const json& row : bench.value("speed_error", json::array())) rows.push_back(row);
   figures["speed_error"] = rows;
   return figures;
-}
-
-json measure_hard_cases(const Model& model, bool quick) {
-  std::printf("hard cases ...\n");
-  std::fflush(stdout);
-  json cases = json::array();
-  int non_finite = 0, inverted_unflagged = 0, worst_iterations = 0, bad = 0;
-  for (const HardCaseResult& result :
-       run_hard_cases({model.shape, model.shape_map, model.mount}, quick ? 200 : 100000)) {
-    non_finite += result.non_finite;
-    inverted_unflagged += result.inverted_unflagged;
-    worst_iterations = std::max(worst_iterations, result.max_steps);
-    bad += !result.good();
-    cases.push_back({{"name", result.name},
-                     {"frames", result.frames},
-                     {"flagged", result.flagged},
-                     {"iterations", result.max_steps},
-                     {"worst_mm", result.worst_mm},
-                     {"end_mm", result.end_mm},
-                     {"good", result.good()}});
-  }
-  return {{"total", cases.size()},
-          {"bad", bad},
-          {"non_finite", non_finite},
-          {"inverted_unflagged", inverted_unflagged},
-          {"worst_iterations", worst_iterations},
-          {"cases", cases}};
 }
 
 }  // namespace finsight::host

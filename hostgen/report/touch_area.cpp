@@ -4,6 +4,7 @@
 #include "hostgen/learn/shape_at_touch.h"
 #include "hostgen/learn/touch_comparison.h"
 #include "hostgen/report/areas.h"
+#include "hostgen/report/touch_map.h"
 #include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
@@ -28,7 +29,8 @@ json table2_json(const FingerSpec& spec, const FemDataset& dataset, bool quick) 
   return table;
 }
 
-json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& dataset, bool quick) {
+json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& dataset, const FemDataset& unseen,
+                bool quick) {
   const ShapeAtTouch shape = measure_shape_at_touch(spec, model, dataset, quick ? 60 : 600, 1);
   json figures = {{"touch_point_mm",
                    {{"energy_clean", shape.energy_clean.touch_point_mm},
@@ -41,8 +43,6 @@ json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& da
                     {"contact_aware_clean", shape.contact_aware_clean.front_mm},
                     {"contact_aware_noisy", shape.contact_aware_noisy.front_mm}}},
                   {"states", shape.states}};
-  // The pack's maps were trained on every point of the set, so other states test them.
-  const FemDataset unseen = unseen_states(spec, make_mesh(spec), dataset, quick ? 17 : 43, quick ? 4 : 8);
   figures["unseen_states"] = unseen.states.size();
   for (const TierAtTouch& tier : measure_tiers_at_touch(spec, model, unseen, 1)) {
     figures["tiers"].push_back({{"tier", tier.tier},
@@ -107,7 +107,10 @@ json measure_touch(const json& built, const Model& model, const FingerSpec* spec
     return figures;
   }
   figures["touch"]["table2"] = table2_json(*spec, *dataset, quick);
-  figures["shape"] = shape_json(model, *spec, *dataset, quick);
+  // The pack's network and maps were trained on every point of the set, so other states test them.
+  const FemDataset unseen = unseen_states(*spec, make_mesh(*spec), *dataset, quick ? 17 : 43, quick ? 4 : 8);
+  figures["shape"] = shape_json(model, *spec, *dataset, unseen, quick);
+  figures["touch"].update(map_touches(model, *spec, unseen, quick ? 10 : 100));
   return figures;
 }
 

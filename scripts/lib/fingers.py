@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 """How one, two and three fingers on one machine fare: frame times, dropped frames and memory of each.
 
-usage: fingers.py FINSIGHTD PACK SESSION [--seconds N] [--tier TIER]
-Every finger replays SESSION at its recorded speed with a loop of its own. Prints JSON:
-{"1": [{"p50_us", "p99_us", "worst_us", "frames", "dropped"}], "2": [...], ..., "memory_mb": {"1": ...}, "load": [before]}
+usage: fingers.py FINSIGHTD PACK SESSION [--seconds N] [--tier TIER] [--json FILE]
+Every finger replays SESSION at its recorded speed with a loop of its own. Prints or writes JSON, per number of fingers the worst
+of them: {"1": {"p50_ms", "p99_ms", "worst_ms", "frames", "dropped", "memory_mb"}, "2": ..., "load": [before]}
 """
 import argparse
 import json
@@ -34,7 +34,9 @@ def run(arguments, count):
             results.append({"p50_us": p50, "p99_us": p99, "worst_us": worst, "frames": int(frames),
                             "dropped": int(dropped)})
         assert len(results) == count, errors
-        return results, round(int(resident[1]) / 1024, 1)
+        worst = {f"{key}_ms": max(one[f"{key}_us"] for one in results) / 1000 for key in ("p50", "p99", "worst")}
+        return {**worst, "frames": min(one["frames"] for one in results), "dropped": sum(one["dropped"] for one in results),
+                "memory_mb": round(int(resident[1]) / 1024, 1)}
 
 
 def main():
@@ -44,11 +46,16 @@ def main():
     parser.add_argument("session")
     parser.add_argument("--seconds", type=float, default=20)
     parser.add_argument("--tier", default="newton")
+    parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    report = {"load": list(os.getloadavg()), "processors": os.cpu_count(), "memory_mb": {}}
+    report = {"load": list(os.getloadavg()), "processors": os.cpu_count()}
     for count in (1, 2, 3):
-        report[str(count)], report["memory_mb"][str(count)] = run(arguments, count)
-    print(json.dumps(report, indent=1))
+        report[str(count)] = run(arguments, count)
+    text = json.dumps(report, indent=1) + "\n"
+    if arguments.json:
+        arguments.json.write_text(text)
+    else:
+        print(text, end="")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,18 @@
-"""The report's charts that compare methods, its claims, and its advice, all from results.json. matplotlib draws: legends
-outside crowded axes, marks by group and error bars, which gnuplot makes hard to read; the pictures are SVG."""
+"""The report's charts, from results.json. matplotlib draws: legends outside crowded axes, marks by group and hints, which gnuplot
+makes hard to read; the pictures are SVG."""
+import json
 import math
 import re
-from collections import defaultdict
+import textwrap
 
 import matplotlib
 
 matplotlib.use("svg")
 import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+from matplotlib.collections import PolyCollection  # noqa: E402
+
+from report_claims import at  # noqa: E402
 
 plt.rcParams.update({"svg.hashsalt": "finsight", "svg.fonttype": "none", "font.size": 9, "axes.grid": True,
                      "grid.color": "#e3e7ec", "axes.spines.top": False, "axes.spines.right": False})
@@ -17,89 +22,6 @@ COLOURS = {"measures": "#8a6d3b", "map": "#1b9e77", "contact": "#d95f02", "map+n
 MARKS = "osD^vP*X<>"
 METHODS = {"float": "ours, float", "double": "ours, double", "eigen": "Eigen's LDLT", "cholmod": "CHOLMOD",
            "published": "the published way"}
-
-
-def at(results, path):
-    """results["a"]["b"] by "a.b"; None where it is missing or was not measured."""
-    for key in path.split("."):
-        results = results.get(key) if isinstance(results, dict) else None
-    return results
-
-
-def _off_68(results):
-    coverage = at(results, "touch.coverage_68")
-    return None if coverage is None else 100 * abs(coverage - 0.68)
-
-
-def _percent(path):
-    return lambda results: None if at(results, path) is None else 100 * at(results, path)
-
-
-def _worst_attack(results):
-    attacks = at(results, "modbus.attack")
-    worst = [a["worst_ms"] for a in attacks.values() if isinstance(a, dict) and "worst_ms" in a] if attacks else []
-    return max(worst) if worst else None
-
-
-def _claim(area, claim, ours, unit, aim, peer=None, peer_is="", less_is_better=True):
-    return {"area": area, "claim": claim, "ours": ours, "unit": unit, "aim": aim, "peer": peer, "peer_is": peer_is,
-            "less_is_better": less_is_better}
-
-
-CLAIMS = [
-    _claim("solver", "One Newton iteration at the default mesh is faster than the published way", "solver.ratio_to_published",
-           "times", 80, 1, "the paper's formulas, same mesh and machine", False),
-    _claim("solver", "… faster than Eigen's sparse LDLT", "solver.ratio_to_eigen", "times", 1, 1, "Eigen 3", False),
-    _claim("solver", "… faster than CHOLMOD", "solver.ratio_to_cholmod", "times", 1, 1, "SuiteSparse", False),
-    _claim("solver", "Time grows almost as the number of tetrahedra", "solver.growth_exponent", "", 1.15),
-    _claim("solver", "No hard case ends wrong or unflagged", "hard_cases.bad", "cases", 0),
-    _claim("touch", "Touch from 4 mm of plate motion, new points, with noise: mean error", "touch.held_out_noisy.mean_above_4_mm",
-           "mm", 2.0),
-    _claim("touch", "The published radius holds 68 % of the errors: off by at most", _off_68, "points", 3),
-    _claim("touch", "Normal force, new points, with noise: RMSE", "touch.force_rmse_n", "N", 0.25, 0.25,
-           "the authors' later six-axis finger"),
-    _claim("scene", "The radius also holds 68 % in each case of the pack's scene: off by at most", _percent("scene.worst_coverage_error"), "points", 3),
-    _claim("scene", "Touches off by over three radii, worst case of any scene", _percent("scene.worst_lies"), "%", 0.3),
-    _claim("fem", "The training truth agrees with CalculiX", "fem.calculix_max_diff_mm", "mm", 1e-4),
-    _claim("force", "Contact forces from plate motions, one touch", "force.gauss_newton_s", "s", 1.0, "force.lbfgs_s",
-           "the paper's L-BFGS, our code"),
-    _claim("vision", "A whole frame, 99 %", "vision.frame_ms_p99", "ms", 16.7),
-    _claim("modbus", "Read of 48 registers, 99 %, alone", "modbus.read_us_p99", "µs", 100),
-    _claim("modbus", "A lawful client's worst answer under five attacks", _worst_attack, "ms", 5),
-    _claim("page", "Three browsers that watch cost the frame loop (99 %)", "page.loop_cost_us", "µs", 30),
-]
-
-
-def _tiers(results):
-    """Per tier over the cases that the pack's scene contains: time, 95 % of the deformation's error."""
-    contained = {case["case"] for case in at(results, "scene.cases") or [] if case.get("contained")}
-    sums = defaultdict(list)
-    for row in at(results, "scene.shapes") or []:
-        if row["case"] in contained:
-            sums[row["tier"]].append((row["us"], row["level_95"], abs(row["largest_bias_mm"])))
-    return {tier: [sum(column) / len(rows) for column in zip(*rows)] for tier, rows in sums.items()}
-
-
-def advice(results):
-    tiers = _tiers(results)
-    if not tiers:
-        return []
-    best = min(tiers, key=lambda name: tiers[name][1])
-    fastest = min(tiers, key=lambda name: tiers[name][0])
-
-    def said(name):
-        us, level, largest = tiers[name]
-        return f"{us:,.0f} µs a frame, the deformation within {100 * level:.1f} % (95 %), the largest displacement off by {largest:.2f} mm"
-    lines = [f"<b>Shape, registers and the dimple under the touch: <code>{best}</code></b> ({said(best)}). The most accurate in the "
-             "cases that the pack's scene contains; where no touch of the scene explains the plates, the shape map answers for it. "
-             "This is what tier <code>best</code>, the default, chooses where the pack has a contact map."]
-    if fastest != best:
-        lines.append(f"<b>Registers only, on the smallest board: <code>{fastest}</code></b> ({said(fastest)}). It makes no shape at "
-                     "all, so no viewer and no page can show one.")
-    if "newton" in tiers and best != "newton":
-        lines.append(f"<b>Loads that no training has seen: <code>newton</code></b> ({said('newton')}). It minimises an energy for "
-                     "the plates alone, so it cannot know the dimple; but it depends on no training.")
-    return lines
 
 
 def _front(points):
@@ -239,22 +161,121 @@ def parts(results, file):
     rows = sorted((row for row in at(results, "solver.iterations") or [] if row["way"] == "float"), key=lambda r: r["mesh_tets"])
     if not rows:
         return
-    chart = Chart(1, 3)
+    limit = at(results, "solver.limit") or {}
+    chart = Chart(1, 3.2)
     axes, names = chart.axes[0], [f"{row['mesh_tets']:,}" for row in rows]
     left = [0.0] * len(rows)
     for part, colour in (("derivatives", "#1f78b4"), ("factor", "#d95f02"), ("solve", "#1b9e77"), ("step", "#7570b3")):
-        shares = [100 * row[f"{part}_us"] / row["sum_us"] for row in rows]
-        axes.barh(names, shares, left=left, color=colour, label=part)
-        for y, (start, share, row) in enumerate(zip(left, shares, rows)):
-            if share > 6:
+        if not any(row[f"{part}_us"] for row in rows):  # ours solves while it factors
+            continue
+        each = [1000 * row[f"{part}_us"] / row["mesh_tets"] for row in rows]
+        axes.barh(names, each, left=left, color=colour, label="factor and solve" if part == "factor" else part)
+        for y, (start, share, row) in enumerate(zip(left, each, rows)):
+            if share > 0.08 * max(1000 * r["sum_us"] / r["mesh_tets"] for r in rows):
                 axes.text(start + share / 2, y, f"{row[f'{part}_us']:,.0f} µs", ha="center", va="center", color="white", fontsize=8)
-        left = [a + b for a, b in zip(left, shares)]
-    axes.set(xlabel="share of an iteration, %", ylabel="tetrahedra", xlim=(0, 100))
+            floor = _floor_us(row, limit)
+            if part == "factor" and floor:
+                x = start + 1000 * floor / row["mesh_tets"]
+                axes.plot([x, x], [y - 0.4, y + 0.4], color="black", lw=2, label=None if y else "factor at the machine's peak")
+        left = [a + b for a, b in zip(left, each)]
+    axes.set(xlabel="time per tetrahedron, ns", ylabel="tetrahedra")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     chart.write(file)
 
 
+def _floor_us(row, limit):
+    """What a factorisation takes at least: its multiply-adds at the measured peak, or its factor written once."""
+    if "factor_mb" not in row or not limit:
+        return None
+    return max(row["factor_operations"] / limit["multiply_adds_per_us"], 1e6 * row["factor_mb"] / limit["cache_bytes_per_us"])
+
+
+def touch_face(results, file):
+    """Where on the face a touch is found how well."""
+    rows = at(results, "touch.face") or []
+    if not rows:
+        return
+    chart = Chart(2, 4.6)
+    for axes, key, title in ((chart.axes[0], "mean_mm", "mean error"), (chart.axes[1], "error_95_mm", "95 % are smaller")):
+        told = [row for row in rows if row[key] is not None]
+        largest = max(row["error_95_mm"] for row in told)
+        for row in told:
+            colour = plt.get_cmap("viridis_r")(min(1, row[key] / largest))
+            chart.point(axes, row["x_mm"], row["y_mm"], f"x {row['x_mm']:.1f}, y {row['y_mm']:.1f} mm: {row[key]:.2f} mm, "
+                        f"{row['touches']} touches — scripts/report touch", marker="o", ms=11, color=colour)
+            axes.annotate(f"{row[key]:.1f}", (row["x_mm"], row["y_mm"]), ha="center", va="center", fontsize=6,
+                          color="white" if row[key] > largest / 2 else "black")
+        for row in rows:
+            if row[key] is None:
+                axes.plot(row["x_mm"], row["y_mm"], marker="x", color="#888888")
+        axes.set(title=f"{title}, mm", xlabel="x, across, mm", ylabel="y, up from the base, mm", aspect="equal")
+    chart.write(file)
+
+
+def reliability(results, file):
+    rows = [row for row in at(results, "touch.reliability") or [] if row["touches"] >= 20]
+    if not rows:
+        return
+    chart = Chart(1, 3.8)
+    axes, colours = chart.axes[0], plt.get_cmap("viridis")
+    radii = [(k + 1) / 10 for k in range(len(rows[0]["inside"]))]
+    for k, row in enumerate(rows):
+        axes.plot(radii, [100 * share for share in row["inside"]], color=colours(0.9 * k / max(1, len(rows) - 1)),
+                  label=f"plate motion from {row['from_mm']:g} mm ({row['touches']:,} touches)")
+    for radius, share in ((1, 68), (2, 95)):
+        chart.point(axes, radius, share, f"promised: {share} % inside {radius} published radii", marker="o", ms=7, color="black",
+                    markerfacecolor="none")
+    axes.set(xlabel="radius, in published radii", ylabel="errors inside, %", xlim=(0, radii[-1]), ylim=(0, 101))
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    chart.write(file)
+
+
+def hard_states(folder, file):
+    """The shapes of the worst hard cases in front of the finger at rest, seen from the side and the front."""
+    source = folder / "hard_states.json"
+    if not source.exists():
+        return
+    figures = json.loads(source.read_text())
+    tets, rest = np.array(figures["tet_nodes"]).reshape(-1, 4), np.array(figures["rest_mm_100"]).reshape(-1, 3) / 100
+    faces = np.concatenate([tets[:, pick] for pick in ([0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3])])
+    _, first, counts = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    faces = faces[first[counts == 1]]  # of one tetrahedron only
+    columns = 5
+    chart = Chart(columns, 3.4, math.ceil(len(figures["states"]) / columns))
+    for axes, state in zip(chart.axes, figures["states"]):
+        nodes = np.array(state["node_mm_100"]).reshape(-1, 3) / 100
+        _draw_surface(axes, faces, rest, "#dddddd", 0.0)
+        _draw_surface(axes, faces, nodes, None, 1.0, np.linalg.norm(nodes - rest, axis=1))
+        axes.set(aspect="equal")
+        axes.set_axis_off()
+        axes.set_title("\n".join(textwrap.wrap(f"{state['name']}: {state['worst_mm']:.2g} mm", 30)), fontsize=7)
+        axes.autoscale_view()
+    for axes in chart.axes[len(figures["states"]):]:
+        axes.set_visible(False)
+    chart.write(file)
+
+
+def _draw_surface(axes, faces, nodes, colour, order, displacement=None):
+    azimuth, elevation = 0.75, 0.22  # as hostgen figure draws it
+    right = np.array([-math.cos(azimuth), 0, -math.sin(azimuth)])
+    viewer = np.array([math.sin(azimuth) * math.cos(elevation), math.sin(elevation), -math.cos(azimuth) * math.cos(elevation)])
+    corners = nodes[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing = normals @ viewer > 0
+    corners, normals, shown = corners[facing], normals[facing], faces[facing]
+    depth = np.argsort(corners.mean(axis=1) @ viewer)
+    points = np.stack([corners @ right, corners @ np.cross(viewer, right)], axis=-1)[depth]
+    colours = colour
+    if displacement is not None:
+        light = 0.55 + 0.45 * (normals @ viewer) / (np.linalg.norm(normals, axis=1) + 1e-12)
+        colours = plt.get_cmap("viridis")(np.clip(displacement[shown].mean(axis=1) / max(1e-9, displacement.max()), 0, 1))
+        colours[:, :3] *= light[:, None]
+        colours = colours[depth]
+    axes.add_collection(PolyCollection(points, facecolors=colours, edgecolors="face", linewidths=0.2, zorder=order, rasterized=True))
+
+
 def draw(results, folder):
     for name, chart in (("speed_numerics", numerics), ("speed_model", model), ("speed_registers", registers), ("growth", growth),
-                        ("parts", parts)):
+                        ("parts", parts), ("touch_face", touch_face), ("reliability", reliability)):
         chart(results, folder / f"{name}.svg")
+    hard_states(folder, folder / "hard_states.svg")

@@ -9,16 +9,16 @@ import argparse
 import html
 import json
 import re
+import shutil
 import sys
 from pathlib import Path
 
 import report_charts
-from report_charts import at
+from report_claims import README_FOLDER, README_PLOTS, advice, at, claims, claims_html, number, with_claims
 from report_words import HEADINGS, SECTIONS, WORDS
 
-QUIET_LOAD = 1.0  # average number of other programs that wanted a processor in the minute before
+QUIET = 0.1  # processors that other programs had on average while an area was measured
 ROOT = Path(__file__).resolve().parent.parent.parent
-BEGIN, END = "<!-- BEGIN GENERATED claims by `scripts/report --readme` -->", "<!-- END GENERATED claims -->"
 
 STYLE = """
 :root{--text:#1c2127;--dim:#5f6b7a;--line:#d9dee5;--ground:#fff;--card:#f6f8fa;--good:#1a7f37;--bad:#c6262e;--link:#0b62c4}
@@ -40,17 +40,6 @@ figure svg,figure img{max-width:100%;height:auto;display:block;margin:auto}figca
 @media print{nav{display:none}body{max-width:none;font-size:11px;color:#000;background:#fff}h2{break-after:avoid}
 table,figure{break-inside:avoid}}
 """
-
-
-def number(value, places=3):
-    if value == 0:
-        return "0"
-    if not isinstance(value, float):
-        return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
-    if abs(value) >= 10 ** places:
-        return f"{value:,.0f}"
-    text = f"{value:.{places}g}"
-    return f"{float(text):g}" if "e" in text and abs(value) > 1e-4 else text
 
 
 def shown(key, value):
@@ -122,69 +111,14 @@ def picture(folder, name, caption):
     return f"<figure>{svg}<figcaption>{caption}</figcaption></figure>\n"
 
 
-def value_of(results, wanted):
-    """Of a claim: a number, a path of results.json, or a function of all of it."""
-    if wanted is None or isinstance(wanted, (int, float)):
-        return wanted
-    return wanted(results) if callable(wanted) else at(results, wanted)
-
-
-def claims(results):
-    """What is claimed beside what others reach: rows of words, with whether the aim is met."""
-    rows = []
-    for claim in report_charts.CLAIMS:
-        ours = value_of(results, claim["ours"])
-        peer = value_of(results, claim["peer"])
-        measured = results.get("measured", {}).get(claim["area"], {})
-        row = {"claim": claim["claim"], "ours": "not measured", "peer": "–", "ratio": "–", "met": None,
-               "peer_is": claim["peer_is"], "command": measured.get("command", f"scripts/report {claim['area']}"),
-               "date": measured.get("date", "–"), "commit": measured.get("commit", "–")}
-        if ours is not None:
-            row["ours"] = f"{number(float(ours))} {claim['unit']}".strip()
-            row["met"] = ours <= claim["aim"] if claim["less_is_better"] else ours >= claim["aim"]
-        if peer is not None:
-            row["peer"] = f"{number(float(peer))} {claim['unit']}".strip()
-            if ours:
-                row["ratio"] = f"{number(float(peer / ours if claim['less_is_better'] else ours / peer), 2)} ×"
-        row["aim"] = f"{'≤' if claim['less_is_better'] else '≥'} {number(float(claim['aim']))} {claim['unit']}".strip()
-        rows.append(row)
-    return rows
-
-
-def claims_html(rows):
-    body = ""
-    for row in rows:
-        mark = "" if row["met"] is None else " class=good" if row["met"] else " class=bad"
-        short = "" if row["met"] is not False else " – falls short"
-        body += (f"<tr><td>{row['claim']}</td><td>{row['peer_is']}</td><td>{row['peer']}</td><td{mark}>{row['ours']}{short}</td>"
-                 f"<td>{row['aim']}</td><td>{row['ratio']}</td><td class=how><code>{row['command']}</code><br>{row['date']}, "
-                 f"{row['commit']}</td></tr>\n")
-    return ("<div class=wide><table class=words><thead><tr><th>claim</th><th>beside</th><th>theirs</th><th>ours</th><th>aim</th>"
-            f"<th>ratio</th><th>made again by</th></tr></thead><tbody>\n{body}</tbody></table></div>\n")
-
-
-def claims_markdown(rows):
-    """The same for README, without dates and commits."""
-    text = "| claim | beside | theirs | ours | aim | command |\n|---|---|---|---|---|---|\n"
-    for row in rows:
-        ours = f"**{row['ours']} (falls short)**" if row["met"] is False else row["ours"]
-        text += f"| {row['claim']} | {row['peer_is']} | {row['peer']} | {ours} | {row['aim']} | `{row['command']}` |\n"
-    return text
-
-
-def with_claims(readme, rows):
-    before, marker, rest = readme.partition(BEGIN)
-    if not marker or END not in rest:
-        raise SystemExit(f"report_page: the file has no lines {BEGIN} and {END}")
-    return before + BEGIN + "\n" + claims_markdown(rows) + END + rest.partition(END)[2]
-
-
-def load_of(measured):
+def quiet(measured):
     """Times that were taken beside other work are not called quiet."""
-    load = measured.get("load")
-    if load is None:
+    others = measured.get("others")
+    if others is None:
         return ""
-    return f", load {load}" + (": <b class=bad>other work was running, so its times are not quiet</b>" if load > QUIET_LOAD else "")
+    if others <= QUIET:
+        return ", quiet"
+    return f", <b class=bad>other programs took {others:.2g} processors meanwhile: its times are not quiet</b>"
 
 
 def section(key, results, folder):
@@ -193,23 +127,32 @@ def section(key, results, folder):
     text = f"<h2 id={key}>{entry['title']}</h2>\n<p>{entry['text']}</p>\n"
     measured = results.get("measured", {}).get(entry["area"])
     if measured:
-        text += f"<p class=how><code>{measured['command']}</code>, {measured['date']}, {measured['commit']}{load_of(measured)}"
+        text += f"<p class=how><code>{measured['command']}</code>, {measured['date']}, {measured['commit']}{quiet(measured)}"
         text += "".join(f" · <a href=\"{ROOT / source}\">{source}</a>" for source in entry.get("code", [])) + "</p>\n"
     for name, caption in entry.get("pictures", []):
         text += picture(folder, name, caption)
     values = results.get(key)
     if isinstance(values, dict) and entry.get("figures", True):
-        rows = figures(values)
+        rows = figures({name: value for name, value in values.items() if name not in entry.get("tabled", ())})
         text += f"<div class=wide><table class=words><tbody>\n{''.join(rows)}</tbody></table></div>\n" if rows else ""
     for path, columns, caption, order in entry.get("tables", []):
-        rows = at(results, path) if path else values
-        if "starts" in entry and isinstance(rows, list):  # each row holds one object of figures per start
-            rows = [{**row, **row[start], "start": start} for start in entry["starts"] for row in rows
-                    if isinstance(row.get(start), dict)]
-        if isinstance(rows, list):
-            rows = sorted(rows, key=lambda row: -(row.get(order) or 0)) if order else rows
-            text += table(rows, columns, caption)
-    return text
+        rows = rows_of(at(results, path) if path else values, entry.get("starts", ()))
+        rows = sorted(rows, key=lambda row: -(row.get(order) or 0)) if order else rows
+        text += table(rows, columns, caption)
+    return text + "".join(f"<p class=dim>{note}</p>\n" for note in entry.get("notes", []))
+
+
+def rows_of(values, starts=()):
+    """Rows of a table: from a list as they are, or one for each start that they hold figures of; from an object one for each of
+    its keys, which becomes the column "method"; objects in a row become columns of their own."""
+    if isinstance(values, dict):
+        values = [{"method": name, **row} for name, row in values.items() if isinstance(row, dict)]
+    if not isinstance(values, list):
+        return []
+    if starts:
+        return [{**row, **row[start], "start": start} for start in starts for row in values if isinstance(row.get(start), dict)]
+    return [{**row, **{f"{name}_{key}": part for name, value in row.items() if isinstance(value, dict)
+                       for key, part in value.items()}} for row in values]
 
 
 def page(results, folder):
@@ -222,10 +165,20 @@ def page(results, folder):
     text += "".join(f"<a href=#{key}>{SECTIONS[key]['title']}</a>" for key in keys) + "</nav>\n"
     text += "<h2 id=claims>Claims</h2>\n" + claims_html(claims(results))
     text += "<p class=dim>" + WORDS["comparable"] + "</p>\n"
-    advice = report_charts.advice(results)
-    if advice:
-        text += "<h2 id=advice>Which tier should this scene use?</h2>\n<ul>" + "".join(f"<li>{a}</li>" for a in advice) + "</ul>\n"
+    lines = advice(results)
+    if lines:
+        text += "<h2 id=advice>Which tier should this scene use?</h2>\n<ul>" + "".join(f"<li>{a}</li>" for a in lines) + "</ul>\n"
     return text + "".join(section(key, results, folder) for key in keys) + "</body></html>\n"
+
+
+def renew_readme(readme, results, folder):
+    """The claims between README's markers, and beside hostgen's report what they and its plots were made from."""
+    rows, kept = claims(results), readme.parent / README_FOLDER
+    plots = [(name, words) for name, words in README_PLOTS if (folder / name).exists()]
+    for name, _ in plots:
+        shutil.copy(folder / name, kept / name)
+    (kept / "claims.json").write_text(json.dumps({"claims": rows, "plots": plots}, indent=1, ensure_ascii=False) + "\n")
+    readme.write_text(with_claims(readme.read_text(), rows, plots))
 
 
 def main():
@@ -237,7 +190,7 @@ def main():
     report_charts.draw(results, arguments.folder)
     (arguments.folder / "index.html").write_text(page(results, arguments.folder))
     if arguments.readme:
-        arguments.readme.write_text(with_claims(arguments.readme.read_text(), claims(results)))
+        renew_readme(arguments.readme, results, arguments.folder)
     print(arguments.folder / "index.html")
 
 

@@ -5,51 +5,16 @@
 #include <cstdio>
 #include <set>
 
-#include "firmware/shape/newton.h"
-#include "hostgen/fem/shape_model.h"
 #include "hostgen/hard_cases/hard_case.h"
 #include "hostgen/hard_cases/hard_motions.h"
-#include "hostgen/learn/shape_map_training.h"
+#include "tests/hard_cases/cube_finger.h"
 #include "tests/random.h"
-#include "tests/shape/finger_motion.h"
-#include "tests/shape/frame_mesh.h"
 #include "tests/slow_build.h"
 
 using namespace finsight;
 using host::HardCaseResult;
 
 namespace {
-
-/// A finger made of cubes with a shape map that knows gentle touches.
-struct Finger {
-  explicit Finger(const host::TetMesh& mesh) : data(host::make_shape_model(mesh)), mount(test::mount_of(mesh)) {
-    constexpr int kSamples = 400;
-    Eigen::MatrixXf poses(kSamples, kPoseDims), displacement(kSamples, static_cast<Eigen::Index>(data.rest_mm.size()));
-    NewtonSolver<double> solver(data.view(), mount);
-    const host::HardMotion motion(mount);
-    test::Random random(3);
-    for (int sample = 0; sample < kSamples; ++sample) {
-      const PlatePoses touched =
-          motion.poses({random.uniform(-15, 15), random.uniform(-5, 5), random.uniform(-20, 20)});
-      poses.row(sample) = pose_vector(touched).transpose();
-      for (float& number : poses.row(sample)) number += static_cast<float>(0.005 * random.normal());
-      solver.start_at_rest();
-      REQUIRE(solver.converge(host_poses(poses.row(sample)), 1e-5, 100).ok);
-      for (Eigen::Index i = 0; i < displacement.cols(); ++i)
-        displacement(sample, i) = static_cast<float>(solver.node_mm()[static_cast<std::size_t>(i)]) -
-                                  data.rest_mm[static_cast<std::size_t>(i)];
-    }
-    map = host::fit_shape_map(poses, displacement);
-  }
-  static PlatePoses host_poses(const Eigen::RowVectorXf& numbers) {
-    return seen_poses({numbers.data(), static_cast<std::size_t>(numbers.size())});
-  }
-  ShapeParts parts() const { return {data.view(), map.view(), mount}; }
-
-  host::ShapeModelData data;
-  MountModel mount;
-  host::ShapeMapData map;
-};
 
 void check(const HardCaseResult& result) {
   char line[256];
@@ -73,7 +38,7 @@ const host::TetMesh kMesh = test::kIsSlow ? test::frame_mesh(2, 6, 5) : test::fr
 }  // namespace
 
 TEST_CASE("hard cases: never a shape that is not finite or inverted, bounded work, and back to the truth") {
-  const Finger finger(kMesh);
+  const test::CubeFinger finger(kMesh);
   const std::vector<HardCaseResult> results = host::run_hard_cases(finger.parts(), 1000);
   CHECK(results.size() >= 40);
   std::set<std::string> names;
@@ -85,7 +50,7 @@ TEST_CASE("hard cases: never a shape that is not finite or inverted, bounded wor
 }
 
 TEST_CASE("hard cases: poses at random for a second do not leave a coarse mesh in a wrong minimum") {
-  const Finger finger(test::frame_mesh(2, 6, 5));
+  const test::CubeFinger finger(test::frame_mesh(2, 6, 5));
   for (const std::uint64_t seed : {8, 10, 14, 22, 54}) {  // without the try from rest, one ends 0.6 mm off
     CAPTURE(seed);
     host::HardMotion motion(finger.mount);
@@ -101,6 +66,6 @@ TEST_CASE("hard cases: poses at random for a second do not leave a coarse mesh i
 }
 
 TEST_CASE("hard cases: a long random walk neither drifts nor gets stuck") {
-  const Finger finger(test::frame_mesh(2, 6, 5));
+  const test::CubeFinger finger(test::frame_mesh(2, 6, 5));
   check(host::run_random_walk(finger.parts(), kWalkFrames));
 }

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
 """The report's page: its words, its claims and its charts, from figures made up for the test."""
+import json
 import sys
 import tempfile
 import unittest
@@ -8,10 +9,11 @@ from pathlib import Path
 SOURCE = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(SOURCE / "scripts" / "lib"))
 import report_charts  # noqa: E402
+import report_claims  # noqa: E402
 import report_page  # noqa: E402
 
 TIERS = (("measures", 20.0, 0.12), ("contact", 60.0, 0.02), ("newton", 1000.0, 0.12))
-MEASURED = {area: {"command": f"scripts/report {area}", "date": "2026-01-01", "commit": "abc", "load": 0.2}
+MEASURED = {area: {"command": f"scripts/report {area}", "date": "2026-01-01", "commit": "abc", "others": 0.02}
             for area in ("solver", "touch", "scene", "modbus", "fem")}
 
 
@@ -54,7 +56,7 @@ class Page(unittest.TestCase):
                          .replace("http://creativecommons.org", ""))
 
     def test_a_claim_that_falls_short_is_red_and_one_that_holds_is_not(self):
-        rows = {row["claim"]: row for row in report_page.claims(results())}
+        rows = {row["claim"]: row for row in report_claims.claims(results())}
         self.assertEqual([row["met"] for claim, row in rows.items() if "published way" in claim], [False])
         self.assertTrue(rows["… faster than CHOLMOD"]["met"])
         self.assertTrue(rows["A lawful client's worst answer under five attacks"]["met"])
@@ -63,12 +65,12 @@ class Page(unittest.TestCase):
         self.assertIn("class=bad>73 times – falls short", self.made(results()))
 
     def test_the_advice_follows_the_figures_of_contained_cases(self):
-        self.assertIn("<code>contact</code>", report_charts.advice(results())[0])
+        self.assertIn("<code>contact</code>", report_claims.advice(results())[0])
         shapes = results()["scene"]
         for row in shapes["shapes"]:
             row["level_95"] = 0.3 if row["tier"] == "contact" else row["level_95"]
-        self.assertNotIn("<code>contact</code>", report_charts.advice(results(scene=shapes))[0])
-        self.assertEqual(report_charts.advice(results(scene={"why": "not measured"})), [])
+        self.assertNotIn("<code>contact</code>", report_claims.advice(results(scene=shapes))[0])
+        self.assertEqual(report_claims.advice(results(scene={"why": "not measured"})), [])
 
     def test_every_point_tells_what_it_is_and_by_which_command(self):
         page = self.made(results())
@@ -78,18 +80,46 @@ class Page(unittest.TestCase):
         self.assertEqual(len(ids), len(set(ids)), "two pictures share an id")
 
     def test_times_beside_other_work_are_not_called_quiet(self):
-        busy = {area: dict(how, load=7.5) for area, how in MEASURED.items()}
-        self.assertIn("other work was running", self.made(results(measured=busy)))
-        self.assertNotIn("other work was running", self.made(results()))
+        busy = {area: dict(how, others=1.5) for area, how in MEASURED.items()}
+        self.assertIn("are not quiet", self.made(results(measured=busy)))
+        self.assertNotIn("are not quiet", self.made(results()))
 
     def test_readme_gets_the_claims_between_its_markers_and_keeps_the_rest(self):
-        readme = f"before\n{report_page.BEGIN}\nold\n{report_page.END}\nafter\n"
-        renewed = report_page.with_claims(readme, report_page.claims(results()))
+        readme = f"before\n{report_claims.BEGIN}\nold\n{report_claims.END}\nafter\n"
+        renewed = report_claims.with_claims(readme, report_claims.claims(results()), [["growth.svg", "Time against size"]])
         self.assertTrue(renewed.startswith("before\n") and renewed.endswith("\nafter\n"))
         self.assertNotIn("\nold\n", renewed)
         self.assertIn("**73 times (falls short)**", renewed)
+        self.assertIn("![Time against size](hostgen/report/growth.svg)", renewed)
         with self.assertRaises(SystemExit):
-            report_page.with_claims("no markers", [])
+            report_claims.with_claims("no markers", [], [])
+
+    def test_hard_cases_touches_and_limits_are_drawn(self):
+        rest = [[0, 0, 0], [1000, 0, 0], [0, 1000, 0], [0, 0, 1000]]
+        (self.path / "hard_states.json").write_text(json.dumps({
+            "tet_nodes": [0, 1, 2, 3], "rest_mm_100": sum(rest, []),
+            "states": [{"name": "a & b", "worst_mm": 0.5, "node_mm_100": sum(rest[:3] + [[0, 300, 1500]], [])}]}))
+        touch = {"face": [{"x_mm": 1.0, "y_mm": 70.0, "touches": 9, "published": 0.9, "mean_mm": 1.25, "error_95_mm": 2.5},
+                          {"x_mm": 2.0, "y_mm": 20.0, "touches": 0, "published": 0, "mean_mm": None, "error_95_mm": None}],
+                 "reliability": [{"from_mm": 4, "touches": 100, "inside": [0.1 * k for k in range(10)]},
+                                 {"from_mm": 7, "touches": 3, "inside": [1.0] * 10}]}
+        figures = results(touch=touch, hard_cases={"total": 1, "families": [{"family": "noise", "cases": 3, "bad": 0}]})
+        figures["solver"]["limit"] = {"multiply_adds_per_us": 80000, "cache_bytes_per_us": 100000}
+        for row in figures["solver"]["iterations"]:
+            row |= {"factor_operations": 1e7, "factor_mb": 1.0}
+        page = self.made(figures)
+        self.assertIn("a &amp; b: 0.5 mm", page)
+        self.assertIn("<title>x 1.0, y 70.0 mm: 1.25 mm, 9 touches — scripts/report touch</title>", page)
+        self.assertIn("factor at the machine's peak", page.replace("&#x27;", "'"))
+        self.assertIn("plate motion from 4 mm (100 touches)", page)
+        self.assertNotIn("plate motion from 7 mm", page)
+        self.assertIn("<td>noise</td><td>3</td>", page)
+
+    def test_objects_in_rows_become_columns(self):
+        rows = report_page.rows_of({"mlp": {"r2": [1], "held_out_noisy": {"r2": [2]}}, "why": "text"})
+        self.assertEqual(rows[0]["method"], "mlp")
+        self.assertEqual(rows[0]["held_out_noisy_r2"], [2])
+        self.assertEqual(len(rows), 1)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,164 @@
+"""What the report claims, beside what others reach, and the tier that it advises, all from results.json."""
+from collections import defaultdict
+
+BEGIN, END = "<!-- BEGIN GENERATED claims by `scripts/report --readme` -->", "<!-- END GENERATED claims -->"
+README_FOLDER = "hostgen/report"  # where README's plots and the figures of its claims are kept
+README_PLOTS = [
+    ("growth.svg", "Time of one Newton iteration against the number of tetrahedra, by method"),
+    ("speed_model.svg", "Time per frame of each tier against its distance to the finite-element shape"),
+    ("reliability.svg", "Share of touch errors inside the published radius, by plate motion"),
+]
+
+
+def number(value, places=3):
+    if value == 0:
+        return "0"
+    if not isinstance(value, float):
+        return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) else str(value)
+    if abs(value) >= 10 ** places:
+        return f"{value:,.0f}"
+    text = f"{value:.{places}g}"
+    return f"{float(text):g}" if "e" in text and abs(value) > 1e-4 else text
+
+
+def at(results, path):
+    """results["a"]["b"] by "a.b"; None where it is missing or was not measured."""
+    for key in path.split("."):
+        results = results.get(key) if isinstance(results, dict) else None
+    return results
+
+
+def _off_68(results):
+    coverage = at(results, "touch.coverage_68")
+    return None if coverage is None else 100 * abs(coverage - 0.68)
+
+
+def _percent(path):
+    return lambda results: None if at(results, path) is None else 100 * at(results, path)
+
+
+def _worst_attack(results):
+    attacks = at(results, "modbus.attack")
+    worst = [a["worst_ms"] for a in attacks.values() if isinstance(a, dict) and "worst_ms" in a] if attacks else []
+    return max(worst) if worst else None
+
+
+def _claim(area, claim, ours, unit, aim, peer=None, peer_is="", less_is_better=True):
+    return {"area": area, "claim": claim, "ours": ours, "unit": unit, "aim": aim, "peer": peer, "peer_is": peer_is,
+            "less_is_better": less_is_better}
+
+
+CLAIMS = [
+    _claim("solver", "One Newton iteration at the default mesh is faster than the published way", "solver.ratio_to_published",
+           "times", 80, 1, "the paper's formulas, same mesh and machine", False),
+    _claim("solver", "… faster than Eigen's sparse LDLT", "solver.ratio_to_eigen", "times", 1, 1, "Eigen 3", False),
+    _claim("solver", "… faster than CHOLMOD", "solver.ratio_to_cholmod", "times", 1, 1, "SuiteSparse", False),
+    _claim("solver", "Time grows almost as the number of tetrahedra", "solver.growth_exponent", "", 1.15),
+    _claim("hard", "No hard case ends wrong or unflagged", "hard_cases.bad", "cases", 0),
+    _claim("hard", "… nor any of so many random motions", "hard_cases.search.bad", "motions", 0),
+    _claim("touch", "Touch from 4 mm of plate motion, new points, with noise: mean error", "touch.held_out_noisy.mean_above_4_mm",
+           "mm", 2.0),
+    _claim("touch", "The published radius holds 68 % of the errors: off by at most", _off_68, "points", 3),
+    _claim("touch", "Normal force, new points, with noise: RMSE", "touch.force_rmse_n", "N", 0.25, 0.25,
+           "the authors' later six-axis finger"),
+    _claim("scene", "The radius also holds 68 % in each case of the pack's scene: off by at most", _percent("scene.worst_coverage_error"), "points", 3),
+    _claim("scene", "Touches off by over three radii, worst case of any scene", _percent("scene.worst_lies"), "%", 0.3),
+    _claim("fem", "The training truth agrees with CalculiX", "fem.calculix_max_diff_mm", "mm", 1e-4),
+    _claim("force", "Contact forces from plate motions, one touch", "force.gauss_newton_s", "s", 1.0, "force.lbfgs_s",
+           "the paper's L-BFGS, our code"),
+    _claim("vision", "A whole frame, 99 %", "vision.frame_ms_p99", "ms", 16.7),
+    _claim("modbus", "Read of 48 registers, 99 %, alone", "modbus.read_us_p99", "µs", 100),
+    _claim("modbus", "A lawful client's worst answer under five attacks", _worst_attack, "ms", 5),
+    _claim("page", "Three browsers that watch cost the frame loop (99 %)", "page.loop_cost_us", "µs", 30),
+    _claim("fingers", "Two fingers on one machine: a frame of either, 99 %", "fingers.2.p99_ms", "ms", 16.7),
+]
+
+
+def _tiers(results):
+    """Per tier over the cases that the pack's scene contains: time, 95 % of the deformation's error."""
+    contained = {case["case"] for case in at(results, "scene.cases") or [] if case.get("contained")}
+    sums = defaultdict(list)
+    for row in at(results, "scene.shapes") or []:
+        if row["case"] in contained:
+            sums[row["tier"]].append((row["us"], row["level_95"], abs(row["largest_bias_mm"])))
+    return {tier: [sum(column) / len(rows) for column in zip(*rows)] for tier, rows in sums.items()}
+
+
+def advice(results):
+    tiers = _tiers(results)
+    if not tiers:
+        return []
+    best = min(tiers, key=lambda name: tiers[name][1])
+    fastest = min(tiers, key=lambda name: tiers[name][0])
+
+    def said(name):
+        us, level, largest = tiers[name]
+        return f"{us:,.0f} µs a frame, the deformation within {100 * level:.1f} % (95 %), the largest displacement off by {largest:.2f} mm"
+    lines = [f"<b>Shape, registers and the dimple under the touch: <code>{best}</code></b> ({said(best)}). The most accurate in the "
+             "cases that the pack's scene contains; where no touch of the scene explains the plates, the shape map answers for it. "
+             "This is what tier <code>best</code>, the default, chooses where the pack has a contact map."]
+    if fastest != best:
+        lines.append(f"<b>Registers only, on the smallest board: <code>{fastest}</code></b> ({said(fastest)}). It makes no shape at "
+                     "all, so no viewer and no page can show one.")
+    if "newton" in tiers and best != "newton":
+        lines.append(f"<b>Loads that no training has seen: <code>newton</code></b> ({said('newton')}). It minimises an energy for "
+                     "the plates alone, so it cannot know the dimple; but it depends on no training.")
+    return lines
+
+
+def value_of(results, wanted):
+    """Of a claim: a number, a path of results.json, or a function of all of it."""
+    if wanted is None or isinstance(wanted, (int, float)):
+        return wanted
+    return wanted(results) if callable(wanted) else at(results, wanted)
+
+
+def claims(results):
+    """What is claimed beside what others reach: rows of words, with whether the aim is met."""
+    rows = []
+    for claim in CLAIMS:
+        ours = value_of(results, claim["ours"])
+        peer = value_of(results, claim["peer"])
+        measured = results.get("measured", {}).get(claim["area"], {})
+        row = {"claim": claim["claim"], "ours": "not measured", "peer": "–", "ratio": "–", "met": None,
+               "peer_is": claim["peer_is"], "command": measured.get("command", f"scripts/report {claim['area']}"),
+               "date": measured.get("date", "–"), "commit": measured.get("commit", "–")}
+        if ours is not None:
+            row["ours"] = f"{number(float(ours))} {claim['unit']}".strip()
+            row["met"] = ours <= claim["aim"] if claim["less_is_better"] else ours >= claim["aim"]
+        if peer is not None:
+            row["peer"] = f"{number(float(peer))} {claim['unit']}".strip()
+            if ours:
+                row["ratio"] = f"{number(float(peer / ours if claim['less_is_better'] else ours / peer), 2)} ×"
+        row["aim"] = f"{'≤' if claim['less_is_better'] else '≥'} {number(float(claim['aim']))} {claim['unit']}".strip()
+        rows.append(row)
+    return rows
+
+
+def claims_html(rows):
+    body = ""
+    for row in rows:
+        mark = "" if row["met"] is None else " class=good" if row["met"] else " class=bad"
+        short = "" if row["met"] is not False else " – falls short"
+        body += (f"<tr><td>{row['claim']}</td><td>{row['peer_is']}</td><td>{row['peer']}</td><td{mark}>{row['ours']}{short}</td>"
+                 f"<td>{row['aim']}</td><td>{row['ratio']}</td><td class=how><code>{row['command']}</code><br>{row['date']}, "
+                 f"{row['commit']}</td></tr>\n")
+    return ("<div class=wide><table class=words><thead><tr><th>claim</th><th>beside</th><th>theirs</th><th>ours</th><th>aim</th>"
+            f"<th>ratio</th><th>made again by</th></tr></thead><tbody>\n{body}</tbody></table></div>\n")
+
+
+def claims_markdown(rows):
+    """The same for README, without dates and commits."""
+    text = "| claim | beside | theirs | ours | aim | command |\n|---|---|---|---|---|---|\n"
+    for row in rows:
+        ours = f"**{row['ours']} (falls short)**" if row["met"] is False else row["ours"]
+        text += f"| {row['claim']} | {row['peer_is']} | {row['peer']} | {ours} | {row['aim']} | `{row['command']}` |\n"
+    return text
+
+
+def with_claims(readme, rows, plots):
+    before, marker, rest = readme.partition(BEGIN)
+    if not marker or END not in rest:
+        raise SystemExit(f"report: the file has no lines {BEGIN} and {END}")
+    pictures = "".join(f"\n![{words}]({README_FOLDER}/{name})\n" for name, words in plots)
+    return before + BEGIN + "\n" + claims_markdown(rows) + pictures + END + rest.partition(END)[2]
