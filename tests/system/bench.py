@@ -44,6 +44,7 @@ class Bench:
         self.default_settings = ("hold_time_ms = 5000\n" +
                                  (SOURCE / "boards" / "image" / "esp" / "finsight.toml").read_text())
         self.measured = {}
+        self.fault_minutes, self.seed = arguments.fault_minutes, arguments.seed
 
     def image(self):
         return next(self.image_folder.glob("finsight-*.img"))
@@ -70,8 +71,9 @@ class Bench:
 
     def order(self, command):
         """A command by name, over Modbus."""
-        subprocess.run([SOURCE / "scripts/finsightctl", "do", "127.0.0.1", command, "--port", str(self.machine.port)],
-                       check=True, capture_output=True)
+        key = self.machine.shell("sed -n s/^write_key=//p /run/finsight/identity")[1].strip()
+        subprocess.run([SOURCE / "scripts/finsightctl", "do", "127.0.0.1", command, "--port", str(self.machine.port),
+                        "--key", key], check=True, capture_output=True)
 
     def frames_advance(self, limit_s=120):
         first = machine.read_registers(self.machine.port)

@@ -121,8 +121,8 @@ def stick_says(stick):
     return answer.stdout
 
 
-def wait_for_stick(stick, limit_s=900):
-    end = time.monotonic() + limit_s
+def wait_for_stick(board, stick, limit_s=900):
+    end = time.monotonic() + limit_s * board.slowness
     while time.monotonic() < end:
         if stick_says(stick):
             return stick_says(stick)
@@ -147,7 +147,7 @@ def updates_are_checked(bench):
              ("is not complete", lambda: file.write_bytes(good[:len(good) // 2]))]
     for reason, make in cases:
         make()
-        said = wait_for_stick(stick_with(bench, file))
+        said = wait_for_stick(board, stick_with(bench, file))
         check(reason in said, f"expected '{reason}', the stick says: {said}")
     _, slot = board.shell(". /usr/lib/finsight/slots; slots_get slot; slots_get left")
     check(slot.split() == ["a", "iiiiiiii"], slot)
@@ -164,13 +164,13 @@ def an_update_is_installed_and_a_sick_one_left_again(bench):
     file = WORK / "finsight-x.update"
     machine.make_update(file, slot_a, bench.key, "qemu-virt", "again", "another id")
     stick = stick_with(bench, file)
-    check("starts next" in wait_for_stick(stick), stick_says(stick))
+    check("starts next" in wait_for_stick(board, stick), stick_says(stick))
     wait_slot(board, "b")
     board.wait_up()
     sick = sick_system(slot_a)
     machine.make_update(file, sick.read_bytes(), bench.key, "qemu-virt", "sick", "sick")
     stick = stick_with(bench, file)
-    check("starts next" in wait_for_stick(stick), stick_says(stick))
+    check("starts next" in wait_for_stick(board, stick), stick_says(stick))
     wait_slot(board, "a")
     wait_slot(board, "b", limit_s=1800)
     bench.frames_advance(300)
@@ -179,7 +179,7 @@ def an_update_is_installed_and_a_sick_one_left_again(bench):
 
 def wait_slot(board, slot, limit_s=900):
     """Until the console of a later start says that this slot runs; then until it answers."""
-    end = time.monotonic() + limit_s
+    end = time.monotonic() + limit_s * board.slowness
     while time.monotonic() < end:
         try:
             if board.shell("cat /proc/cmdline", 60)[1].find(f"finsight.slot={slot}") >= 0:

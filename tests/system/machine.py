@@ -5,6 +5,7 @@ virtual machine (SMBIOS strings), and this one adds a root shell on a virtual se
 """
 import base64
 import os
+import re
 import signal
 import socket
 import struct
@@ -65,6 +66,7 @@ class Machine:
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.process = None
+        self.write_log = None  # a file: every write to a raw card is kept there, too (QEMU's blklogwrites)
         self.slowness = 1.0  # of this workstation just now, by the last start: what time limits are multiplied with
         for name, text in (("unit", credential("systemd.extra-unit.test-shell.service", SHELL_UNIT)),
                            ("want", credential("systemd.unit-dropin.multi-user.target", SHELL_WANT))):
@@ -77,15 +79,22 @@ class Machine:
         """For start(): a USB port for a UsbCamera on camera.sock in our folder."""
         return ["-chardev", self.chardev("camera"), "-device", "usb-redir,chardev=camera"]
 
+    def card_drive(self):
+        if not self.write_log:
+            return f"if=none,id=card,file={self.card},format={self.format}"
+        return (f"if=none,id=card,driver=blklogwrites,file.driver=raw,file.file.driver=file,file.file.filename={self.card},"
+                f"log.driver=raw,log.file.driver=file,log.file.filename={self.write_log}")
+
     def command(self, *more):
         # With ACPI the machine has no GPIO lines, so it describes itself by device tree.
         return ["qemu-system-aarch64", "-M", "virt,gic-version=3,acpi=off", "-cpu", "cortex-a72", "-smp", "2",
                 "-m", "768",
                 "-accel", "tcg,thread=multi", "-nographic", "-nodefaults",
                 "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
-                "-drive", f"if=none,id=card,file={self.card},format={self.format}",
+                "-drive", self.card_drive(),
                 "-device", "virtio-blk-pci,drive=card,bootindex=0",
-                "-netdev", f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{self.port}-:502",
+                "-netdev", f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{self.port}-:502,"
+                f"hostfwd=tcp:127.0.0.1:{self.page_port}-:80",
                 "-device", "virtio-net-pci,netdev=net,romfile=",
                 "-device", "virtio-serial-pci",
                 "-chardev", self.chardev("shell"), "-device", "virtconsole,chardev=shell",
@@ -96,8 +105,8 @@ class Machine:
                 *self.extra, *more]
 
     def start(self, *more):
-        self.port = free_port()
-        for stale in self.folder.glob("*.sock"):
+        self.port, self.page_port = free_port(), free_port()
+        for stale in (*self.folder.glob("*.sock"), *self.folder.glob("console.log")):
             stale.unlink()
         self.errors = open(self.folder / "qemu.log", "w")
         self.process = subprocess.Popen([str(w) for w in self.command(*more)], stderr=self.errors, stdout=self.errors,
@@ -134,7 +143,17 @@ class Machine:
         raise TimeoutError(f"no such registers within {limit_s * self.slowness:.0f} s; the last are {words and words[:5]}; the console says:\n" + self.console()[-3000:])
 
     def console(self):
-        return (self.folder / "console.log").read_text(errors="replace").replace("\r", "")
+        file = self.folder / "console.log"  # which QEMU makes a moment after its start
+        return file.read_text(errors="replace").replace("\r", "") if file.exists() else ""
+
+    def wait_console(self, pattern, limit_s=900):
+        """Until a line of the console matches; seconds from power."""
+        end = time.monotonic() + limit_s * self.slowness
+        while not re.search(pattern, self.console()):
+            if time.monotonic() > end:
+                raise TimeoutError(f"the console does not say {pattern!r}:\n" + self.console()[-2000:])
+            time.sleep(0.1)
+        return time.monotonic() - self.switched_on
 
     def connect(self, client, name, limit_s=60):
         """QEMU makes its sockets a moment after its start."""
@@ -220,7 +239,7 @@ def make_stick(image, files, free_mib=48):
 def write_settings(card, text):
     """Puts a settings file onto the card's boot partition, as a user does on a computer."""
     file = Path(str(card) + ".toml")
-    file.write_text(text)
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
     subprocess.run(["mcopy", "-o", "-i", f"{card}@@1M", file, "::/finsight.toml"], check=True)
 
 

@@ -1,0 +1,161 @@
+"""Steps of tests/system/boot: how the device is found, whose key it has, and how its story is got out of it."""
+import json
+import re
+import socket
+import subprocess
+import tarfile
+import time
+import urllib.request
+
+from zeroconf import const
+
+import machine
+from bench import ANY_FAULT, WORK, check, step
+from boot_updates import stick_with
+from local_link import LocalLink
+from machine import READY
+
+FULL_SPEED = '\n[source]\nspeed = "full"\n'
+IMAGE_MADE, IMAGE_SLOT = 3122, 3124  # registers
+
+
+def identity_of(board):
+    return dict(line.split("=", 1) for line in board.shell("cat /run/finsight/identity")[1].splitlines())
+
+
+def get(board, path, host, limit_s=60):
+    """Of the page, which starts after the sensor and has the lowest priority."""
+    request = urllib.request.Request(f"http://127.0.0.1:{board.page_port}{path}", headers={"Host": host})
+    end = time.monotonic() + limit_s * board.slowness
+    while True:
+        try:
+            with urllib.request.urlopen(request, timeout=20) as answer:
+                return answer.read()
+        except OSError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(1)
+
+
+@step
+def is_found_by_name_where_nobody_gives_out_addresses(bench):
+    """A cable without a DHCP server: a link-local address, name and services by multicast DNS; console; the page."""
+    bench.fresh_card(FULL_SPEED)
+    board = bench.machine
+    with LocalLink() as link:
+        board.start(*link.device())
+        board.wait_registers(lambda words: words[0] & READY)
+        limit_s = 60 * board.slowness
+        found = {service: link.ask(f"{service}.local.", const._TYPE_PTR, limit_s)[0].alias
+                 for service in ("_modbus._tcp", "_http._tcp")}
+        name = found["_modbus._tcp"].split(".")[0]
+        serial = identity_of(board)["serial"]
+        check(name == f"finsight-{serial}".lower(), f"announced: {found}, serial number {serial}")
+        addresses = [socket.inet_ntoa(record.address) for record in link.ask(f"{name}.local.", const._TYPE_A, limit_s)]
+        check(any(address.startswith("169.254.") for address in addresses), f"addresses of {name}: {addresses}")
+        ports = {service: link.ask(found[service], const._TYPE_SRV, limit_s)[0].port for service in found}
+        check(ports == {"_modbus._tcp": 502, "_http._tcp": 80}, f"{ports}")
+    board.wait_console(f"serial number {serial}, {name}.local, addresses: .*169\\.254\\.", 60)
+    board.wait_console(f"write key {identity_of(board)['write_key']}", 60)
+    page = get(board, "/", f"{name}.local")
+    state = json.loads(get(board, "/api/state", f"{name}.local"))
+    check(b"<html" in page and state["serial_number"] == serial, state.get("serial_number"))
+    _, slot = board.shell("cat /run/finsight/image")
+    version, slot = slot.split()
+    words = machine.read_registers(board.port, 3, address=IMAGE_MADE)
+    check(words[0] << 16 | words[1] == int(version[-10:]), f"{words} is not {version}")
+    check(words[2] == 1 and slot == "a", f"slot: {words[2]}, {slot}")
+    board.cut_power()
+    return f"{name}.local at {', '.join(addresses)}; page of {len(page)} bytes"
+
+
+def unlocks(board, key):
+    """Whether this key is taken, by mbpoll."""
+    return subprocess.run(["mbpoll", "-m", "tcp", "-p", str(board.port), "-0", "-r", "1004", "-t", "4", "-1", "127.0.0.1", "--",
+                           str(key)], capture_output=True).returncode == 0
+
+
+@step
+def every_device_has_its_own_key(bench):
+    """Two cards: two keys, neither the workstation's; the same one after a power cut; a board file's instead."""
+    keys = []
+    for _ in range(2):
+        bench.fresh_card(FULL_SPEED)
+        board = bench.machine
+        board.start()
+        board.wait_registers(lambda words: words[0] & READY)
+        keys.append(int(identity_of(board)["write_key"]))
+        check(unlocks(board, keys[-1]), f"key {keys[-1]} is not taken")
+    check(len(set(keys)) == 2 and 18003 not in keys, f"keys: {keys}")
+    check(not unlocks(board, 18003), "the workstation's key is taken")
+    board.cut_power()
+    machine.write_settings(bench.card, bench.default_settings.replace("[modbus]\n", "[modbus]\nwrite_key = 4711\n") + FULL_SPEED)
+    board.start()
+    board.wait_registers(lambda words: words[0] & READY)
+    check(identity_of(board)["write_key"] == "4711" and unlocks(board, 4711), "the settings' key is not taken")
+    check(not unlocks(board, keys[-1]), "the device's own key is taken, too")
+    check(board.shell("cat /data/identity/write-key")[1].strip() == str(keys[-1]), "the key did not survive the power cut")
+    board.cut_power()
+    return ""
+
+
+def files_on(stick):
+    """Of a stick's root: name -> bytes."""
+    listing = subprocess.run(["mdir", "-b", "-i", stick, "::/"], capture_output=True, text=True).stdout.split()
+    names = [name.removeprefix("::/") for name in listing]
+    return {name: subprocess.run(["mtype", "-i", stick, f"::/{name}"], capture_output=True, check=True).stdout
+            for name in names}
+
+
+def ask_by_stick(bench):
+    request = WORK / "finsight-report.txt"
+    request.write_text("please\n")
+    stick = stick_with(bench, request)
+    end = time.monotonic() + 120 * bench.machine.slowness
+    unit = "journalctl -b --no-pager | grep -c 'Finished finsight-stick'"
+    handled = bench.machine.shell(unit)[1]
+    while bench.machine.shell(unit)[1] == handled:
+        check(time.monotonic() < end, "the stick was not looked at")
+        time.sleep(1)
+    bench.machine.pull_stick()
+    time.sleep(2)
+    return files_on(stick)
+
+
+@step
+def a_stick_gets_the_report(bench):
+    """A stick that asks gets log, settings, registers, versions; the first one also the key, which is nowhere else on it."""
+    board = bench.running_afresh()
+    board.wait_up()
+    key = identity_of(board)["write_key"]
+    files = ask_by_stick(bench)
+    check(f"write_key={key}" in files.get("finsight-key.txt", b"").decode(), f"on the stick: {list(files)}")
+    report = WORK / "report.tar.gz"
+    report.write_bytes(files["finsight-diagnostics.tar.gz"])
+    with tarfile.open(report) as tar:
+        parts = {name.split("/", 1)[1]: tar.extractfile(name).read() for name in tar.getnames() if tar.getmember(name).isfile()}
+    for wanted in ("log.txt", "release", "board.toml", "finsight.toml", "system.txt", "page.tar"):
+        check(parts.get(wanted), f"{wanted} is missing or empty; there are {list(parts)}")
+    check(b"finsightd: Modbus TCP" in parts["log.txt"], "the firmware's words are missing in the log")
+    for name, content in parts.items():
+        check(not re.search(rb"\bkey\D{1,3}" + key.encode() + rb"\b", content), f"the key is in {name}")
+    again = ask_by_stick(bench)
+    check("finsight-key.txt" not in again and "finsight-diagnostics.tar.gz" in again, f"the second time: {list(again)}")
+    bench.frames_advance()
+    return f"{len(parts)} files, {len(files['finsight-diagnostics.tar.gz']) // 1024} kB"
+
+
+@step
+def the_log_survives_a_power_cut(bench):
+    """What was said 30 s before the power went is there after the next start."""
+    board = bench.running()
+    mark = f"said-{time.monotonic_ns()}"
+    board.shell(f"echo {mark} | systemd-cat -t test")
+    time.sleep(30)
+    board.cut_power()
+    board.start()
+    board.wait_registers(lambda words: words[0] & READY)
+    _, found = board.shell(f"journalctl -b -1 --no-pager -t test | grep -c {mark}")
+    check(found.strip() == "1", "it is not in the log of the start before")
+    board.wait_registers(lambda words: not words[0] & ANY_FAULT, since_now=True)
+    return ""
