@@ -33,9 +33,10 @@ def play_writes(before, log, card, chance):
             at += count * SECTOR
     machine.copy_card(before, card)
     # Most of the harm is in the last writes; some cuts lose nearly all.
-    last = len(entries) - 1 - min(len(entries), int(chance.expovariate(1 / 30)) if chance.random() < 0.8 else chance.randrange(len(entries) or 1))
+    lost = int(chance.expovariate(1 / 30)) if chance.random() < 0.8 else chance.randrange(len(entries) or 1)
+    last = max(0, len(entries) - 1 - lost)
     with open(card, "r+b") as file:
-        for k, (sector, data) in enumerate(entries[:max(last, 0) + 1]):
+        for k, (sector, data) in enumerate(entries[:last + 1]):
             if k == last:
                 data = data[:SECTOR * chance.randrange(len(data) // SECTOR + 1)]
             file.seek(sector * SECTOR)
