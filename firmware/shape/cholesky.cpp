@@ -222,6 +222,7 @@ bool Cholesky<S>::factor_fronts(bool and_solve_forward) {
   const FlushDenormals flush;
   usable_ = false;
   for (const Front& front : fronts_) {
+    if (stop_ && stop_->load(std::memory_order_relaxed)) return false;
     fill_panel(front);
     for (std::size_t c = front.children_begin; c < front.children_end; ++c) {
       const Front& child = fronts_[children_[c]];

@@ -2,6 +2,7 @@
 // hostgen (CholeskyPlan); here is only arithmetic, in memory taken at construction.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -44,6 +45,8 @@ class Cholesky {
   /// memory.
   void solve(std::span<simd::Vector<S>> b) const;
 
+  /// factor() also gives up, and returns false, once `*stop` holds: on the workstation some take many seconds.
+  void give_up_when(const std::atomic<bool>& stop) { stop_ = &stop; }
   /// Multiply-adds of one factorisation, for reports.
   double factor_operations() const;
 
@@ -99,6 +102,7 @@ class Cholesky {
   std::vector<simd::Vector<S>> panels_, updates_;
   mutable std::vector<simd::Vector<S>> front_vector_;  // solve: the part of x that one front works on
   mutable std::vector<S> solution_;                    // solve: x in elimination order
+  const std::atomic<bool>* stop_ = nullptr;
   bool usable_ = false;
 };
 

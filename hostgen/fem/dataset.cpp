@@ -39,15 +39,35 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
           .mesh_sha256 = mesh_sha256(mesh)};
 }
 
+/// The forces of a path: the spec's range; where the finger does not bear the lowest of them, up to what it bears of
+/// half of that, a quarter ..., down to kWeakestPush_n. Leaves the finger at the lowest, or at rest.
+std::array<double, 2> path_range(FingerStatics& statics, const LoadPath& load, const std::array<double, 2>& range_n) {
+  const auto bears = [&](double force_n) {
+    statics.begin(load.contacts);
+    return statics.press(force_n) && statics.state().valid();
+  };
+  if (bears(range_n[0])) return range_n;
+  std::array<double, 2> found_n = range_n;
+  for (double top_n = range_n[0] / 2; top_n >= kWeakestPush_n; top_n /= 2) {
+    if (!bears(top_n)) continue;
+    found_n = {std::max(kWeakestPush_n, top_n * range_n[0] / range_n[1]), top_n};
+    break;
+  }
+  statics.begin(load.contacts);
+  return found_n;
+}
+
 // A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
 // state that was found; so do the higher forces of its path, which are not tried.
 void walk_path(FingerStatics& statics, const LinearResponse& response, const TetMesh& mesh, const LoadPath& load,
-               std::int32_t index, const std::array<double, 2>& range_n, FemDataset& path) {
-  statics.begin(load.contacts);
+               std::int32_t index, const std::array<double, 2>& spec_range_n, FemDataset& path) {
+  const std::array<double, 2> range_n = path_range(statics, load, spec_range_n);
   Outcome outcome = Outcome::kEquilibrium;
   for (int k = 0; k < path.plan.forces; ++k) {
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
-    if (outcome == Outcome::kEquilibrium && !statics.press(force_n)) outcome = Outcome::kNoEquilibrium;
+    if (outcome == Outcome::kEquilibrium && !statics.press(force_n)) {
+      outcome = statics.buckled() ? Outcome::kNoEquilibrium : Outcome::kNotConverged;
+    }
     FemState state = statics.state();
     state.linear = statics.linear(response).cast<float>();
     if (outcome == Outcome::kEquilibrium) outcome = state.outcome;

@@ -16,6 +16,7 @@ enum class Outcome : std::uint8_t {
   kEquilibrium = 0,
   kPushedTooFar = 1,   ///< the touched point has moved more than 20 mm (the paper's limit)
   kNoEquilibrium = 2,  ///< the finger snaps through or buckles: no equilibrium that the state before leads to
+  kNotConverged = 3,   ///< numerical: no step towards the load converged, however short
 };
 
 /// One equilibrium of the touched finger.
@@ -37,13 +38,16 @@ struct FemState {
   bool valid() const { return outcome == Outcome::kEquilibrium; }
 };
 
+/// The weakest push that is tried where a finger does not bear those of its spec.
+inline constexpr double kWeakestPush_n = 0.05;
+
 /// For FemState::moment_nmm where moments are told in N m.
 inline constexpr double kNmmPerNm = 1000;
 
 /// Which loads make a set, and on which mesh. Sets of the same plan are parts of one and can be merged.
 struct DatasetPlan {
   int points = 60;              ///< touched points, spread evenly over the front face: one path of forces each
-  int forces = 7;               ///< evenly spaced over the spec's range of forces
+  int forces = 7;               ///< evenly spaced over the spec's range of forces, or over what the path's place bears
   std::string scene = "probe";  ///< of the spec: what touches there
 };
 

@@ -77,7 +77,7 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
       {"mesh_sha256", dataset.mesh_sha256},
       {"points", std::to_string(dataset.plan.points)},
       {"forces", std::to_string(dataset.plan.forces)},
-      {"outcomes", "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling)"},
+      {"outcomes", "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling), 3 not converged (numerical)"},
       {"scene", dataset.plan.scene},
       {"columns",
        "force_n, point_mm xyz, contact_mm xyz, force_vector_n xyz, moment_nmm xyz, spread_mm, top/middle/low "
@@ -112,7 +112,7 @@ FemDataset read_dataset(const std::filesystem::path& file) {
                      .mesh_sha256 = in.metadata("mesh_sha256")};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     const float* row = &numbers[kStateNumbers * i];
-    if (outcome[i] > 2) in.refuse("outcome", std::to_string(outcome[i]), "0, 1 or 2");
+    if (outcome[i] > 3) in.refuse("outcome", std::to_string(outcome[i]), "0, 1, 2 or 3");
     const std::int32_t* label = &labels[3 * i];
     if (label[2] < 0 || label[2] > kMaxScene) {
       in.refuse("path_node_scene", std::to_string(label[2]), "a scene from 0 to " + std::to_string(kMaxScene));

@@ -49,7 +49,8 @@ struct ElasticBody::Batch {
                 const CholeskyPlanData& plan);
   void gather(std::span<const double> u, Pack (&values)[kTetNodes][3]) const;
   void scatter(const Pack (&values)[kTetNodes][3], std::span<double> sums) const;
-  void scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<float> blocks) const;
+  template <class Scalar>
+  void scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<Scalar> blocks) const;
   void displacement_gradient(const Pack (&u)[kTetNodes][3], std::size_t g, Pack (&D)[3][3]) const;
   void deform(const Pack (&u)[kTetNodes][3], std::size_t g, NeoHookeanState<Pack>& state) const;
 };
@@ -102,11 +103,12 @@ void ElasticBody::Batch::scatter(const Pack (&values)[kTetNodes][3], std::span<d
   }
 }
 
-void ElasticBody::Batch::scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<float> blocks) const {
+template <class Scalar>
+void ElasticBody::Batch::scatter(std::size_t pair, const Pack (&block_values)[3][3], std::span<Scalar> blocks) const {
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
     if (block[pair][lane] < 0) continue;
-    float* const to = &blocks[9 * static_cast<std::size_t>(block[pair][lane])];
-    for (std::size_t i = 0; i < 9; ++i) to[i] += static_cast<float>(block_values[i / 3][i % 3][lane]);
+    Scalar* const to = &blocks[9 * static_cast<std::size_t>(block[pair][lane])];
+    for (std::size_t i = 0; i < 9; ++i) to[i] += static_cast<Scalar>(block_values[i / 3][i % 3][lane]);
   }
 }
 
@@ -228,8 +230,9 @@ void ElasticBody::stresses(std::span<const double> u, std::span<const double> du
   }
 }
 
-void ElasticBody::tangent(std::span<const double> u, std::span<const double> stress, std::span<float> blocks) const {
-  std::fill(blocks.begin(), blocks.end(), 0.0F);
+template <class Scalar>
+void ElasticBody::tangent(std::span<const double> u, std::span<const double> stress, std::span<Scalar> blocks) const {
+  std::fill(blocks.begin(), blocks.end(), Scalar(0));
   // Per node and Gauss point, the factors of the outer products that make the block of nodes (row, column):
   //   (g_row . S g_col - b h_row . h_col) 1
   //   + h_row (v h_col - 2/3 c f_col)^T + (-2/3 c f_row) h_col^T + (-b h_col) h_row^T
@@ -281,6 +284,9 @@ void ElasticBody::tangent(std::span<const double> u, std::span<const double> str
     }
   }
 }
+
+template void ElasticBody::tangent(std::span<const double>, std::span<const double>, std::span<float>) const;
+template void ElasticBody::tangent(std::span<const double>, std::span<const double>, std::span<double>) const;
 
 // The derivative of d2W with respect to D: dP = D S + (v t - 2/3 c F : D) F^-T - 2/3 c t F - 2 b sym(A) F^-T.
 void ElasticBody::times_tangent(std::span<const double> u, std::span<const double> stress, std::span<const double> w,

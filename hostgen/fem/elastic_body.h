@@ -36,7 +36,8 @@ class ElasticBody {
   void stresses(std::span<const double> u, std::span<const double> du, std::span<double> stress) const;
   /// Derivative of the forces at `u` as blocks in the order of plan().pattern_row (N/mm), with the geometric part made
   /// by `stress`. It is the exact tangent if that is the stress at `u`, apart from the rounding of its sums.
-  void tangent(std::span<const double> u, std::span<const double> stress, std::span<float> blocks) const;
+  template <class Scalar>  // float or double
+  void tangent(std::span<const double> u, std::span<const double> stress, std::span<Scalar> blocks) const;
   /// That derivative times the motion `w` (a body vector), with nothing rounded to single precision.
   void times_tangent(std::span<const double> u, std::span<const double> stress, std::span<const double> w,
                      std::span<double> product) const;

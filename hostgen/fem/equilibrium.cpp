@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "hostgen/util/common.h"
+
 namespace finsight::host {
 namespace {
 
@@ -13,6 +15,16 @@ constexpr int kMaxFactorisations = 12, kMaxSteps = 40;
 constexpr double kSmallestJ = 0.05;
 // A new factor takes as long as this many chord steps. Measured on the default finger: 35 against 7 ms.
 constexpr double kChordsPerFactor = 5;
+
+// In double precision, steps that no longer shrink and are shorter than this share of the displacements come from the
+// rounding of internal forces: stiff parts of a slender body carry forces far beyond the load.
+constexpr double kRounding = 1e-6;
+
+double largest(std::span<const double> a) {
+  double most = 0;
+  for (const double x : a) most = std::max(most, std::abs(x));
+  return most;
+}
 
 double norm(std::span<const double> a) {
   double total = 0;
@@ -26,8 +38,11 @@ Equilibrium::Equilibrium(const ElasticBody& body)
     : body_(body),
       cholesky_(body.plan().view()),
       residual_(body.vector_size()),
+      correction_(body.vector_size()),
       step_(body.vector_size()),
-      rounded_(body.solved_size()) {}
+      rounded_(body.solved_size()) {
+  cholesky_.give_up_when(interrupt_flag());
+}
 
 double Equilibrium::residual_at(std::span<const double> load, const ElasticState& state) {
   smallest_J_ = body_.forces(state.u, residual_);
@@ -36,17 +51,17 @@ double Equilibrium::residual_at(std::span<const double> load, const ElasticState
   return norm(residual_);
 }
 
-// Solves for the step; returns its size in the norm of energy, in which chords shrink evenly.
+// Solves for the correction; returns its size in the norm of energy, in which chords shrink evenly.
 double Equilibrium::find_correction() {
-  std::copy_n(residual_.begin(), rounded_.size(), rounded_.begin());
-  cholesky_.solve(rounded_);
+  std::copy(residual_.begin(), residual_.end(), correction_.begin());
+  apply_inverse(correction_);
   double energy = 0;
-  for (std::size_t i = 0; i < rounded_.size(); ++i) energy += residual_[i] * static_cast<double>(rounded_[i]);
+  for (std::size_t i = 0; i < correction_.size(); ++i) energy += residual_[i] * correction_[i];
   return std::sqrt(std::abs(energy));
 }
 
 void Equilibrium::take_step(ElasticState& state) {
-  std::copy(rounded_.begin(), rounded_.end(), step_.begin());
+  std::copy(correction_.begin(), correction_.end(), step_.begin());
   for (std::size_t i = 0; i < step_.size(); ++i) state.u[i] += step_[i];
   ++cost_.steps;
 }
@@ -60,22 +75,70 @@ bool Equilibrium::factorise(ElasticState& state) {
     body_.stresses(state.u, step_, state.stress);
     for (std::size_t i = 0; i < step_.size(); ++i) state.u[i] += step_[i];
   }
-  body_.tangent(state.u, state.stress, cholesky_.values());
+  return factor_tangent(state);
+}
+
+// In double precision once single has failed in this solve: slender bodies with stiff parts have condition numbers
+// beyond what its 24 bits can tell from a body that gives way.
+bool Equilibrium::factor_tangent(const ElasticState& state) {
   ++cost_.factorisations;
-  return cholesky_.factor();
+  if (!in_double_) {
+    body_.tangent(state.u, state.stress, cholesky_.values());
+    if (cholesky_.factor()) return true;
+    if (interrupted()) throw Interrupted();
+    in_double_ = true;
+  }
+  if (!double_cholesky_) {
+    double_cholesky_ = std::make_unique<Cholesky<double>>(body_.plan().view());
+    double_cholesky_->give_up_when(interrupt_flag());
+  }
+  body_.tangent(state.u, state.stress, double_cholesky_->values());
+  ++cost_.in_double;
+  gave_way_ = !double_cholesky_->factor();
+  if (interrupted()) throw Interrupted();
+  return !gave_way_;
+}
+
+/// Whether the factor in single precision, where the solve started, solves its own equation to a few per cent.
+bool Equilibrium::single_serves(std::span<const double> load, ElasticState& state) {
+  constexpr double kGood = 0.03;
+  if (!(residual_at(load, state) > 0)) return true;
+  first_step_ = cost_.steps;
+  if (!factorise(state) || in_double_) return false;
+  find_correction();
+  std::vector<double> product(residual_.size());
+  body_.times_tangent(state.u, state.stress, correction_, product);
+  for (std::size_t i = 0; i < product.size(); ++i) product[i] -= residual_[i];
+  std::fill_n(product.end() - 3, 3, 0.0);
+  return norm(product) < kGood * norm(residual_);
+}
+
+// What single precision spoils is tried again in double: where its factor is bad, steps lead nowhere or astray.
+bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
+  const ElasticState start = state;
+  in_double_ = gave_way_ = false;
+  if (descend(load, state)) return true;
+  if (in_double_) return false;
+  state = start;
+  if (single_serves(load, state)) return false;
+  in_double_ = true;
+  gave_way_ = false;
+  state = start;
+  return descend(load, state);
 }
 
 // K is factored in single precision: it only steers the steps, whose residuals are in double, so the answer loses
 // nothing. Every solve starts with its own K, so that it does not depend on the one before. Chords follow as long as
 // they shrink so fast that going on takes less time than a new factor. They only converge where the tangent is positive
 // definite as K is, so what they find is stable.
-bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
+bool Equilibrium::descend(std::span<const double> load, ElasticState& state) {
   const double goal = kTolerance * norm(load) + 1e-14;
   const long last_factorisation = cost_.factorisations + kMaxFactorisations, last_step = cost_.steps + kMaxSteps;
   first_step_ = cost_.steps;
   double last_size = 0;
   long chords = 0;  // with the present factor
   while (true) {
+    if (interrupted()) throw Interrupted();
     const double residual = residual_at(load, state);
     if (!(smallest_J_ > kSmallestJ) || !std::isfinite(residual)) return false;
     if (residual <= goal) break;
@@ -87,6 +150,7 @@ bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
       const double rate = size / last_size * (chords == 1 ? 1.5 : 1);
       refactor = !(rate < 1) || std::log(residual / goal) > -std::log(rate) * kChordsPerFactor;
       last_size = size;
+      if (refactor && in_double_ && largest(correction_) < kRounding * largest(state.u)) break;
     }
     if (refactor) {
       if (cost_.factorisations == last_factorisation || !factorise(state)) return false;
@@ -102,34 +166,51 @@ bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
 }
 
 bool Equilibrium::linearise(const ElasticState& state) {
-  body_.tangent(state.u, state.stress, cholesky_.values());
-  ++cost_.factorisations;
-  return cholesky_.factor();
+  in_double_ = gave_way_ = false;
+  return factor_tangent(state);
 }
 
 void Equilibrium::apply_inverse(std::span<double> b) {
-  std::copy_n(b.begin(), rounded_.size(), rounded_.begin());
-  cholesky_.solve(rounded_);
-  std::copy(rounded_.begin(), rounded_.end(), b.begin());
+  if (in_double_) {
+    double_cholesky_->solve(b.first(rounded_.size()));
+  } else {
+    std::copy_n(b.begin(), rounded_.size(), rounded_.begin());
+    cholesky_.solve(rounded_);
+    std::copy(rounded_.begin(), rounded_.end(), b.begin());
+  }
   std::fill_n(b.end() - 3, 3, 0.0);
 }
 
-void Equilibrium::apply_inverse(Columns& columns) {
-  constexpr Eigen::Index kLanes = simd::kLanesOf<float>;
-  std::vector<simd::Vector<float>> b(rounded_.size());
+namespace {
+
+/// As many columns at once as fit into a vector.
+template <class S>
+void solve_columns(const Cholesky<S>& cholesky, std::size_t size, Equilibrium::Columns& columns) {
+  constexpr Eigen::Index kLanes = simd::kLanesOf<S>;
+  std::vector<simd::Vector<S>> b(size);
   for (Eigen::Index first = 0; first < columns.cols(); first += kLanes) {
     const Eigen::Index count = std::min(kLanes, columns.cols() - first);
     for (std::size_t i = 0; i < b.size(); ++i) {
       for (Eigen::Index k = 0; k < count; ++k) {
-        b[i][k] = static_cast<float>(columns(static_cast<Eigen::Index>(i), first + k));
+        b[i][k] = static_cast<S>(columns(static_cast<Eigen::Index>(i), first + k));
       }
     }
-    cholesky_.solve(b);
+    cholesky.solve(b);
     for (std::size_t i = 0; i < b.size(); ++i) {
       for (Eigen::Index k = 0; k < count; ++k) columns(static_cast<Eigen::Index>(i), first + k) = b[i][k];
     }
   }
   columns.bottomRows<3>().setZero();
+}
+
+}  // namespace
+
+void Equilibrium::apply_inverse(Columns& columns) {
+  if (in_double_) {
+    solve_columns(*double_cholesky_, rounded_.size(), columns);
+  } else {
+    solve_columns(cholesky_, rounded_.size(), columns);
+  }
 }
 
 }  // namespace finsight::host

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,7 @@ struct ElasticState {
 
 struct EquilibriumCost {
   long factorisations = 0, steps = 0;
+  long in_double = 0;  ///< of the factorisations
 };
 
 /// Not thread-safe; bodies may be shared.
@@ -29,11 +31,16 @@ class Equilibrium {
   /// Finds the displacements whose internal forces balance `load` (N; a body vector) to 1e-8 of its norm. `state` is
   /// the start on entry (stresses may be a guess of their own, such as extrapolated ones) and the answer on success,
   /// with its own stresses. False if that start does not lead to an equilibrium at which the body resists every small
-  /// motion (positive definite tangent); `state` then means nothing.
+  /// motion (positive definite tangent); `state` then means nothing. Tangents are factored in single precision, in
+  /// double where that does not serve; there, less exactly where rounding allows no more. Throws Interrupted.
   bool solve(std::span<const double> load, ElasticState& state);
+  /// Why the last solve() or linearise() failed: the body gives way, since a tangent that was factored in double
+  /// precision is not positive definite. Else the failure is numerical: elements were inverted, or the steps came to no
+  /// end, and a start that is nearer may do.
+  bool gave_way() const { return gave_way_; }
   /// Factors the exact tangent at an equilibrium; false if it is not positive definite. solve() forgets it.
   bool linearise(const ElasticState& state);
-  /// That tangent's inverse times `b` (a body vector), in place, in single precision: first-order changes of
+  /// That tangent's inverse times `b` (a body vector), in place, to the precision of its factor: first-order changes of
   /// displacements for changes of load, and, since it is symmetric, adjoints.
   void apply_inverse(std::span<double> b);
   /// The same for every column, in little more time than for one.
@@ -47,11 +54,17 @@ class Equilibrium {
   double find_correction();
   void take_step(ElasticState& state);
   bool factorise(ElasticState& state);
+  bool factor_tangent(const ElasticState& state);
+  bool descend(std::span<const double> load, ElasticState& state);
+  bool single_serves(std::span<const double> load, ElasticState& state);
 
   const ElasticBody& body_;
   Cholesky<float> cholesky_;
-  std::vector<double> residual_, step_;
-  std::vector<float> rounded_;  // the residual on its way to becoming the step
+  std::unique_ptr<Cholesky<double>> double_cholesky_;  // made when first needed
+  bool in_double_ = false;                             // the present factor is that one
+  bool gave_way_ = false;
+  std::vector<double> residual_, correction_, step_;  // correction: K^-1 r; step: the last that was taken
+  std::vector<float> rounded_;                        // the residual on its way to becoming the correction
   double smallest_J_ = 1;
   long first_step_ = 0;  // cost_.steps when the present solve began
   EquilibriumCost cost_;

@@ -1,6 +1,8 @@
 // K^-1 is symmetric, so the response of 18 numbers to every possible force takes 18 solves: W = K^-1 A^T.
 #include "hostgen/fem/linear_response.h"
 
+#include <stdexcept>
+
 #include "hostgen/fem/plate_errors.h"
 
 namespace finsight::host {
@@ -20,7 +22,9 @@ LinearResponse::LinearResponse(const PushedFinger& finger) : finger_(finger) {
   errors.set_measured(at_rest);
   const auto size = static_cast<Eigen::Index>(finger.body.vector_size());
   Equilibrium equilibrium(finger.body);
-  equilibrium.linearise(finger.rest);
+  if (!equilibrium.linearise(finger.rest)) {
+    throw std::runtime_error("the finger at rest does not resist every motion: is a part of it not attached?");
+  }
 
   Equilibrium::Columns wanted(size, kPoseDims), W = Equilibrium::Columns::Zero(size, kPoseDims);
   Eigen::VectorXd column(size), product(size);

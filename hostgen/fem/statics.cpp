@@ -76,6 +76,7 @@ struct FingerStatics::Solver {
   std::optional<ContactLoad> contacts;  ///< instead of the place, after begin()
   BodyVector present_load, weight;      ///< the weight is part of the load
   double compliance = 0;         ///< distance of the last two states over the distance of their loads; 0: unknown
+  bool buckled = false;          ///< why steps failed since the last that did not
   std::vector<Station> history;  ///< the latest states of the present line of loads; the last is the present one
   ElasticState trial;
 };
@@ -101,10 +102,16 @@ bool FingerStatics::Solver::step_to(double s, const LoadCurve& curve) {
   BodyVector load = finger->zero();
   for (int turns = 0; turns == 0 || (turns < kMaxTurns && contacts && contacts->has_turned(trial)); ++turns) {
     curve(s, trial, load);
-    if (!equilibrium.solve(load, trial)) return false;
+    if (equilibrium.solve(load, trial)) continue;
+    buckled = buckled || equilibrium.gave_way();
+    return false;
   }
   const double new_compliance = distance(trial.u, history.back().state.u) / distance(load, present_load);
-  if (compliance > 0 && new_compliance > kJump * compliance) return false;
+  if (compliance > 0 && new_compliance > kJump * compliance) {
+    buckled = true;
+    return false;
+  }
+  buckled = false;
   compliance = new_compliance;
   present_load = std::move(load);
   if (history.size() == kHistory) history.erase(history.begin());
@@ -114,6 +121,7 @@ bool FingerStatics::Solver::step_to(double s, const LoadCurve& curve) {
 
 bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve) {
   double at = from, step = to - from;
+  buckled = false;
   const double shortest = std::abs(step) / (1 << kHalvings);
   while (at != to) {
     // A remainder shorter than half a step is merged into this one.
@@ -224,6 +232,8 @@ bool FingerStatics::press(double normal_n) {
   assert(solver_->contacts);
   return solver_->press(normal_n);
 }
+
+bool FingerStatics::buckled() const { return solver_->buckled; }
 
 FemState FingerStatics::state() const {
   const PushedFinger& finger = *solver_->finger;

@@ -30,7 +30,8 @@ class FingerStatics {
   /// undeformed front face (shared among the nodes of the triangle that holds it; z is ignored and taken from the face;
   /// a point off the face stands for the nearest of its edge). Starts from the present state; splits the step where
   /// Newton needs it. False if no equilibrium was found that the present one leads to without a jump (the finger
-  /// buckles or snaps through, or gives way without end): the state is then the one before the call.
+  /// buckles or snaps through, or gives way without end; or the solver fails: see buckled()): the state is then the one
+  /// before the call. Throws Interrupted, as everything that solves here.
   bool load(const Vec3f& point_mm, double force_n);
   /// Back to the undeformed finger, which these contacts are about to touch. It bends under its weight in an
   /// acceleration of `felt_g` (add_weight()). Throws std::invalid_argument as ContactLoad does.
@@ -38,6 +39,9 @@ class FingerStatics {
   /// After begin(): equilibrium under their normal forces that sum to `normal_n`, with what friction adds; as load()
   /// does.
   bool press(double normal_n);
+  /// Why the last load() or press() failed: the finger buckles, snaps through or gives way. Else no step of the load
+  /// converged, however short: the failure is numerical.
+  bool buckled() const;
   /// The present state; `path` and `front_node` are left 0. Not valid if the touched point has moved more than 20 mm.
   FemState state() const;
   /// Of the present load: a body vector.

@@ -1,11 +1,13 @@
 #include "hostgen/util/common.h"
 
 #include <openssl/sha.h>
+#include <sched.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <mutex>
@@ -18,13 +20,14 @@
 namespace finsight::host {
 
 namespace {
-std::atomic<bool> interrupt_flag{false};
+std::atomic<bool> ctrl_c{false};
 }
 
-bool interrupted() { return interrupt_flag.load(std::memory_order_relaxed); }
+bool interrupted() { return ctrl_c.load(std::memory_order_relaxed); }
+const std::atomic<bool>& interrupt_flag() { return ctrl_c; }
 
 void catch_interrupts() {
-  const auto handler = [](int) { interrupt_flag.store(true, std::memory_order_relaxed); };
+  const auto handler = [](int) { ctrl_c.store(true, std::memory_order_relaxed); };
   std::signal(SIGINT, handler);
   std::signal(SIGTERM, handler);
 }
@@ -70,6 +73,18 @@ void Progress::advance(std::size_t done) {
   std::fflush(stderr);
 }
 
+std::size_t usable_cores() {
+  cpu_set_t allowed;
+  CPU_ZERO(&allowed);
+  std::size_t cores = std::thread::hardware_concurrency();
+  if (sched_getaffinity(0, sizeof allowed, &allowed) == 0) cores = static_cast<std::size_t>(CPU_COUNT(&allowed));
+  if (const char* given = std::getenv("SLURM_CPUS_PER_TASK")) {
+    const long count = std::strtol(given, nullptr, 10);
+    if (count > 0) cores = std::min(cores, static_cast<std::size_t>(count));
+  }
+  return std::max<std::size_t>(1, cores);
+}
+
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& work) {
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
@@ -86,9 +101,8 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& wor
       }
     }
   };
-  const std::size_t cores = std::max(1u, std::thread::hardware_concurrency());
   std::vector<std::jthread> threads;
-  for (std::size_t i = 1; i < std::min(cores, count); ++i) threads.emplace_back(worker);
+  for (std::size_t i = 1; i < std::min(usable_cores(), count); ++i) threads.emplace_back(worker);
   worker();
   threads.clear();  // joins
   if (failure) std::rethrow_exception(failure);

@@ -2,6 +2,7 @@
 // checksums.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -17,6 +18,7 @@ namespace finsight::host {
 
 /// Ctrl-C was pressed. Long work asks for this between units of work and stops by throwing Interrupted.
 bool interrupted();
+const std::atomic<bool>& interrupt_flag();  ///< the same, for work that cannot call this
 void catch_interrupts();
 struct Interrupted : std::runtime_error {
   Interrupted() : std::runtime_error("interrupted; nothing was left half-written") {}
@@ -36,9 +38,13 @@ class Progress {
   State* state_;
 };
 
-/// Calls work(index) for 0 <= index < count on all cores, each index once. Results must go to slots of their own, so
-/// that they do not depend on the number of cores. The first exception of any worker is thrown again here; Ctrl-C
-/// throws Interrupted.
+/// How many threads may work: the processors that this process may run on (taskset, containers), and no more than
+/// SLURM_CPUS_PER_TASK where a batch system set that.
+std::size_t usable_cores();
+
+/// Calls work(index) for 0 <= index < count on all usable cores, each index once. Results must go to slots of their
+/// own, so that they do not depend on the number of cores. The first exception of any worker is thrown again here;
+/// Ctrl-C throws Interrupted.
 void parallel_for(std::size_t count, const std::function<void(std::size_t)>& work);
 
 using finsight::write_file_atomically;

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <ctime>
 #include <stdexcept>
 #include <system_error>
 #include <thread>
@@ -36,10 +37,24 @@ pid_t spawn(const std::vector<std::string>& command, const std::filesystem::path
   return child;
 }
 
-/// Waits for the end of the program; kills it after `limit` or on Ctrl-C. True if it ended on its own.
+/// Processor time of a running program; it counts what it used, so that a busy machine does not shorten its limit.
+std::chrono::nanoseconds used_by(pid_t child) {
+  clockid_t clock{};
+  timespec time{};
+  if (clock_getcpuclockid(child, &clock) != 0 || clock_gettime(clock, &time) != 0) return {};
+  return std::chrono::seconds(time.tv_sec) + std::chrono::nanoseconds(time.tv_nsec);
+}
+
+/// Waits for the end of the program; kills it after `limit` of processor time, if it does nothing after five times
+/// that, or on Ctrl-C. True if it ended on its own.
 bool wait_or_kill(pid_t child, std::chrono::milliseconds limit, int& status) {
-  const auto deadline = std::chrono::steady_clock::now() + limit;
-  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
+  constexpr int kIdle = 5;
+  const auto start = std::chrono::steady_clock::now();
+  const auto idle = [&] {
+    const auto since = std::chrono::steady_clock::now() - start;
+    return since > kIdle * limit && used_by(child) * kIdle * kIdle < since;
+  };
+  while (used_by(child) < limit && !idle() && !interrupted()) {
     if (waitpid(child, &status, WNOHANG) == child) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
@@ -74,7 +89,7 @@ void run_program(const std::vector<std::string>& command, const std::filesystem:
     for (const std::string& argument : command) line += argument + " ";
     throw std::runtime_error(line + what + (log.empty() ? "" : ":\n" + log));
   };
-  if (!ended) fail("took longer than " + std::to_string(limit.count()) + " ms and was stopped");
+  if (!ended) fail("took longer than " + std::to_string(limit.count()) + " ms of processor time and was stopped");
   if (WIFSIGNALED(status)) fail("was ended by signal " + std::to_string(WTERMSIG(status)));
   if (WEXITSTATUS(status) != 0) fail("failed with exit code " + std::to_string(WEXITSTATUS(status)));
 }

@@ -22,8 +22,8 @@ class TemporaryFolder {
 };
 
 /// Runs `command` (a program of PATH and its arguments) in `folder`; what it prints goes to the file "log" there.
-/// Throws std::runtime_error with the end of the log if the program is missing (naming its Debian package), fails, or
-/// needs longer than `limit` (it is killed then), Interrupted on Ctrl-C.
+/// Throws std::runtime_error with the end of the log if the program is missing (naming its Debian package), fails, needs
+/// more processor time than `limit`, or hardly works for five times that (it is killed then), Interrupted on Ctrl-C.
 void run_program(const std::vector<std::string>& command, const std::filesystem::path& folder,
                  std::chrono::milliseconds limit, const std::string& debian_package);
 

@@ -107,6 +107,21 @@ TEST_CASE("dataset: a push beyond the limit is marked, with all that follow on i
         8);
 }
 
+TEST_CASE("dataset: a place that does not bear the spec's forces is pushed with those that it bears") {
+  FingerSpec spec = test::small_finger_spec();
+  spec.force_n = {20, 40};
+  spec.touch_y_mm = {45, 55};
+  const FemDataset dataset = make_dataset(spec, test::small_finger_mesh(), {.points = 2, .forces = 3});
+  REQUIRE(dataset.count(Outcome::kEquilibrium) == 6);
+  for (std::size_t path = 0; path < 2; ++path) {
+    const FemState *lowest = &dataset.states[3 * path], *highest = &dataset.states[3 * path + 2];
+    CHECK(highest->force_n < 20);
+    CHECK(highest->force_n >= 0.05F);
+    CHECK(lowest->force_n == doctest::Approx(highest->force_n / 2));
+    CHECK(highest->plates[0].displacement_mm.norm() > lowest->plates[0].displacement_mm.norm());
+  }
+}
+
 TEST_CASE("dataset: shards in any order make the same bytes as one run") {
   const test::ScratchFolder folder;
   write_dataset(folder / "whole", small_dataset());

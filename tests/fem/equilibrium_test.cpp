@@ -76,4 +76,48 @@ TEST_CASE("equilibrium: a straight column under more than its buckling load is r
   CHECK(equilibrium.solve(beam.load(-0.3, 1), state));
   state = beam.rest;
   CHECK_FALSE(equilibrium.solve(beam.load(-1.2, 1), state));
+  CHECK(equilibrium.gave_way());
+}
+
+TEST_CASE("equilibrium: a load that turns elements inside out at once is a numerical failure") {
+  const Beam beam;
+  Equilibrium equilibrium(beam.body);
+  ElasticState state = beam.rest;
+  CHECK_FALSE(equilibrium.solve(beam.load(3000, 2), state));
+  CHECK_FALSE(equilibrium.gave_way());
+}
+
+TEST_CASE("equilibrium: a strip too slender for single precision is factored in double, and bends as theory says") {
+  // 160 mm long, 0.4 mm thick, its outer half a hundred times stiffer: as a fin-ray's ribs with plates on them.
+  const QuadraticMesh mesh = make_quadratic(test::box_mesh({{0, 0, 0}, {4, 160, 0.4}, {1, 80, 1}}));
+  std::vector<NeoHookean> material;
+  for (const auto& tet : mesh.tets) {
+    double y_mm = 0;
+    for (std::size_t i = 0; i < 4; ++i) y_mm += mesh.node_mm[static_cast<std::size_t>(tet[i])].y() / 4;
+    material.push_back(neo_hookean(y_mm > 80 ? 1000 : 10, 0));
+  }
+  const ElasticBody body(mesh, material);
+  ElasticState state(body);
+  body.stresses(state.u, state.u, state.stress);
+  constexpr double kForce_n = 1e-8;  // bends it by a thousandth of its length
+  std::vector<double> load(body.vector_size());
+  for (std::size_t node = 0; node < mesh.corner_nodes; ++node) {
+    if (mesh.node_mm[node].y() == 160)
+      load[3 * static_cast<std::size_t>(body.unknown_of_node()[node]) + 2] = kForce_n / 4;
+  }
+  Equilibrium equilibrium(body);
+  REQUIRE(equilibrium.solve(load, state));
+  CHECK(equilibrium.cost().in_double > 0);
+  double end_mm = 0;
+  for (std::size_t node = 0; node < mesh.corner_nodes; ++node) {
+    if (mesh.node_mm[node].y() == 160)
+      end_mm += state.u[3 * static_cast<std::size_t>(body.unknown_of_node()[node]) + 2] / 4;
+  }
+  const double inertia = 4 * 0.4 * 0.4 * 0.4 / 12, E = 10, half = 80;
+  // The inner half carries force and moment, the outer one follows its end and hardly bends.
+  const double moment = kForce_n * half, EI = E * inertia;
+  const double theory_mm = kForce_n * half * half * half / (3 * EI) + moment * half * half / (2 * EI) +
+                           half * (kForce_n * half * half / (2 * EI) + moment * half / EI) +
+                           kForce_n * half * half * half / (3 * 100 * EI);
+  CHECK(end_mm == doctest::Approx(theory_mm).epsilon(0.03));
 }

@@ -129,6 +129,18 @@ TEST_CASE("cholesky: solves random sparse matrices to rounding, in float and dou
   }
 }
 
+TEST_CASE("cholesky: gives up when it is told to, and factors again when it is not") {
+  const CholeskyPlanData plan = small_plan();
+  Random random(5), graph(7);
+  Cholesky<double> cholesky(plan.view());
+  fill(cholesky, plan.view(), random_matrix(random_graph(40, 2, graph), 1, random));
+  std::atomic<bool> stop{true};
+  cholesky.give_up_when(stop);
+  CHECK_FALSE(cholesky.factor());
+  stop = false;
+  CHECK(cholesky.factor());
+}
+
 TEST_CASE("cholesky: agrees with Eigen on the matrix of a solid block") {
   Random random(2);
   const Neighbours neighbours = grid_graph(9, 8, 7);

@@ -1,10 +1,15 @@
 #include "hostgen/util/common.h"
 
 #include <doctest/doctest.h>
+#include <sched.h>
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <csignal>
+#include <cstdlib>
+#include <mutex>
+#include <set>
 #include <system_error>
 #include <thread>
 #include <vector>
@@ -21,6 +26,32 @@ TEST_CASE("common: parallel_for calls every index once") {
     host::parallel_for(count, [&](std::size_t i) { ++calls[i]; });
     CHECK(std::all_of(calls.begin(), calls.end(), [](const auto& n) { return n == 1; }));
   }
+}
+
+TEST_CASE("common: as many threads work as there are processors that the process may run on, and as Slurm gave it") {
+  cpu_set_t before, one;
+  REQUIRE(sched_getaffinity(0, sizeof before, &before) == 0);
+  CHECK(host::usable_cores() == static_cast<std::size_t>(CPU_COUNT(&before)));
+  CPU_ZERO(&one);
+  int first = 0;
+  while (!CPU_ISSET(first, &before)) ++first;
+  CPU_SET(first, &one);
+  REQUIRE(sched_setaffinity(0, sizeof one, &one) == 0);
+  CHECK(host::usable_cores() == 1);
+  std::set<std::thread::id> workers;
+  std::mutex mutex;
+  host::parallel_for(100, [&](std::size_t) {
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+    const std::lock_guard lock(mutex);
+    workers.insert(std::this_thread::get_id());
+  });
+  CHECK(workers.size() == 1);
+  REQUIRE(sched_setaffinity(0, sizeof before, &before) == 0);
+  setenv("SLURM_CPUS_PER_TASK", "1", 1);
+  CHECK(host::usable_cores() == 1);
+  setenv("SLURM_CPUS_PER_TASK", "100000", 1);
+  CHECK(host::usable_cores() == static_cast<std::size_t>(CPU_COUNT(&before)));
+  unsetenv("SLURM_CPUS_PER_TASK");
 }
 
 TEST_CASE("common: parallel_for stops at an exception of any worker and throws it again") {
