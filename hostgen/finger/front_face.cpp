@@ -32,34 +32,39 @@ bool faces_front(const Vector3d& outward) { return -outward.z() > kFrontCosine *
 std::vector<std::size_t> front_patch(std::span<const Vector3d> points, std::span<const std::array<int, 3>> triangles,
                                      const Eigen::AlignedBox3d& box) {
   const Eigen::AlignedBox3d wide(box.min().array() - kInBoxMm, box.max().array() + kInBoxMm);
-  std::vector<bool> candidate(triangles.size());
-  std::multimap<std::pair<int, int>, std::size_t> at_edge;
   std::vector<double> area(triangles.size());
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     const auto& [a, b, c] = triangles[t];
     const Vector3d outward = (points[b] - points[a]).cross(points[c] - points[a]);
-    candidate[t] =
-        wide.contains(points[a]) && wide.contains(points[b]) && wide.contains(points[c]) && faces_front(outward);
-    if (!candidate[t]) continue;
-    area[t] = -outward.z();
+    const bool inside = wide.contains(points[a]) && wide.contains(points[b]) && wide.contains(points[c]);
+    if (inside && faces_front(outward)) area[t] = -outward.z();
+  }
+  return largest_patch(triangles, std::move(area));
+}
+
+std::vector<std::size_t> largest_patch(std::span<const std::array<int, 3>> triangles, std::vector<double> area) {
+  std::multimap<std::pair<int, int>, std::size_t> at_edge;
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    if (!(area[t] > 0)) continue;
+    const auto& [a, b, c] = triangles[t];
     for (const auto& [from, to] : {std::minmax(a, b), std::minmax(b, c), std::minmax(c, a)})
       at_edge.insert({{from, to}, t});
   }
   std::vector<std::size_t> best;
   double best_area = 0;
   for (std::size_t first = 0; first < triangles.size(); ++first) {
-    if (!candidate[first]) continue;
+    if (!(area[first] > 0)) continue;
     std::vector<std::size_t> patch = {first};
-    candidate[first] = false;
-    double sum = 0;
+    double sum = area[first];
+    area[first] = 0;                                  // taken
     for (std::size_t i = 0; i < patch.size(); ++i) {  // grows during the loop
       const auto& [a, b, c] = triangles[patch[i]];
-      sum += area[patch[i]];
       for (const auto& [from, to] : {std::minmax(a, b), std::minmax(b, c), std::minmax(c, a)}) {
         const auto [begin, end] = at_edge.equal_range({from, to});
         for (auto other = begin; other != end; ++other) {
-          if (!candidate[other->second]) continue;
-          candidate[other->second] = false;
+          if (!(area[other->second] > 0)) continue;
+          sum += area[other->second];
+          area[other->second] = 0;
           patch.push_back(other->second);
         }
       }

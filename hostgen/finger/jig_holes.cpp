@@ -15,7 +15,7 @@ double half_width_mm(const FingerSpec& spec, double y_mm) { return spec.half_wid
 
 std::vector<double> row_heights_mm(const FingerSpec& spec) {
   const auto [lowest, highest] = spec.touch_y_mm;
-  const int rows = std::clamp(static_cast<int>((highest - lowest) / kJigSpacingMm), 1, kRows);
+  const int rows = std::clamp(static_cast<int>((highest - lowest) / kJigRowSpacingMm), 1, kRows);
   std::vector<double> heights;
   for (int row = 0; row < rows; ++row) heights.push_back(lowest + (highest - lowest) * (row + 0.5) / rows);
   return heights;

@@ -20,10 +20,11 @@ struct JigHole {
 
 /// The holes of a finger's jig, in the finger frame: three rows in the middles of the lower, middle and upper third of
 /// the touched part, of three holes each, in its middle and two thirds of the way to its sides. Numbers go along x
-/// within a row, from the lowest row up. Rows or columns that would be nearer than kJigSpacingMm to each other are left
-/// out: there are 9 on most fingers, else 6, 3, 2 or 1. The guides are parallel, so that one way of hanging the jig
-/// serves all of them: along the mean of the face's normals at the holes.
+/// within a row, from the lowest row up. Rows or columns for which there is no room beside each other are left out:
+/// there are 9 on most fingers, else 6, 3, 2 or 1. The guides are parallel, so that one way of hanging the jig serves
+/// all of them: along the mean of the face's normals at the holes.
 std::vector<JigHole> jig_holes(const FingerSpec& spec);
-inline constexpr double kJigSpacingMm = 7;  ///< bore, a wall of 1.5 mm on both sides, and room between guides
+/// Between guides' axes: along a row bore and walls, between rows also the number above each guide.
+inline constexpr double kJigSpacingMm = 7, kJigRowSpacingMm = 12;
 
 }  // namespace finsight::host

@@ -11,6 +11,7 @@
 #include <map>
 #include <numbers>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 
 #include "hostgen/finger/front_face.h"
@@ -19,6 +20,7 @@
 #include "hostgen/finger/surface.h"
 #include "hostgen/finger/surface_finger.h"
 #include "hostgen/finger/tetgen.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -114,19 +116,23 @@ void find_plate_nodes(TetMesh& mesh) {
   for (std::vector<int>& nodes : mesh.plate_nodes) sort_out(nodes);
 }
 
-double min_dihedral_deg(const TetMesh& mesh) {
-  double largest_cosine = -1;  // of all dihedral angles
-  for (const auto& tet : mesh.tets) {
-    Eigen::Vector3d normal[4];
-    for (int face = 0; face < 4; ++face) {
-      const Eigen::Vector3d a = at(mesh, tet[kFaces[face][0]]);
-      normal[face] = (at(mesh, tet[kFaces[face][1]]) - a).cross(at(mesh, tet[kFaces[face][2]]) - a).normalized();
-    }
-    for (int i = 0; i < 4; ++i) {
-      for (int j = 0; j < i; ++j) largest_cosine = std::max(largest_cosine, -normal[i].dot(normal[j]));
-    }
+double smallest_dihedral_deg(const TetMesh& mesh, const std::array<int, 4>& tet) {
+  double largest_cosine = -1;  // of the six angles
+  Eigen::Vector3d normal[4];
+  for (int face = 0; face < 4; ++face) {
+    const Eigen::Vector3d a = at(mesh, tet[kFaces[face][0]]);
+    normal[face] = (at(mesh, tet[kFaces[face][1]]) - a).cross(at(mesh, tet[kFaces[face][2]]) - a).normalized();
+  }
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < i; ++j) largest_cosine = std::max(largest_cosine, -normal[i].dot(normal[j]));
   }
   return std::acos(std::min(1.0, largest_cosine)) * 180 / std::numbers::pi;
+}
+
+double min_dihedral_deg(const TetMesh& mesh) {
+  double smallest = 180;
+  for (const auto& tet : mesh.tets) smallest = std::min(smallest, smallest_dihedral_deg(mesh, tet));
+  return smallest;
 }
 
 /// What one of TetGen's regions is, by the centre of its largest tet: a region is cut off by the plates' boxes, so any
@@ -162,12 +168,24 @@ void name_regions(TetgenOutput& raw, const SurfaceFinger& finger) {
   raw.region.resize(kept);
 }
 
+/// Says why a surface may be too hard to fill.
+TetgenOutput filled(const FingerSpec& spec, const std::string& poly, MeshSize size) try {
+  return run_tetgen(poly, switches(size), kTetgenLimit);
+} catch (const Interrupted&) {
+  throw;
+} catch (const std::runtime_error& error) {
+  if (!spec.surface) throw;
+  throw std::runtime_error(std::string(error.what()) + "\n" + spec.surface_file.string() + ": " +
+                           hardness_text(spec.surface->surface) +
+                           "; surface.simplify_mm = 0.1 takes out what the surface hardly needs");
+}
+
 }  // namespace
 
 TetMesh make_mesh(const FingerSpec& spec, MeshSize size) {
   if (!spec.surface) check_shape(spec);
   const Surface surface = spec.surface ? spec.surface->tetgen_input() : make_surface(make_grid(spec));
-  TetgenOutput raw = run_tetgen(poly_text(surface), switches(size), kTetgenLimit);
+  TetgenOutput raw = filled(spec, poly_text(surface), size);
   if (spec.surface) name_regions(raw, *spec.surface);
   TetMesh mesh;
   mesh.node_mm = std::move(raw.nodes);
@@ -187,6 +205,36 @@ TetMesh make_mesh(const FingerSpec& spec, MeshSize size) {
   find_plate_nodes(mesh);
   mesh.min_dihedral_deg = min_dihedral_deg(mesh);
   return mesh;
+}
+
+std::string mesh_advice(const TetMesh& mesh) {
+  constexpr double kGood_deg = 5, kApart_mm = 5;
+  constexpr std::size_t kMany = 20'000, kPlaces = 3;
+  std::vector<std::pair<double, std::size_t>> bad;
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    const double angle_deg = smallest_dihedral_deg(mesh, mesh.tets[t]);
+    if (angle_deg < kGood_deg) bad.emplace_back(angle_deg, t);
+  }
+  std::sort(bad.begin(), bad.end());
+  std::vector<Eigen::Vector3d> places;
+  std::ostringstream text;
+  text.precision(2);
+  for (const auto& [angle_deg, t] : bad) {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (const int node : mesh.tets[t]) middle += at(mesh, node) / 4;
+    if (std::ranges::any_of(places, [&](const auto& other) { return (other - middle).norm() < kApart_mm; })) continue;
+    text << (places.empty() ? std::to_string(bad.size()) + " tets below 5 deg, the worst " : ", ") << angle_deg
+         << " deg at " << place_text((10 * middle).array().round() / 10);
+    places.push_back(middle);
+    if (places.size() == kPlaces) break;
+  }
+  if (!places.empty()) text << "\n";
+  if (!places.empty() || mesh.tets.size() > kMany) {
+    text << "slivers and short edges of the surface make many and bad tets: surface.simplify_mm = 0.1 takes out what "
+            "the "
+            "surface hardly needs\n";
+  }
+  return text.str();
 }
 
 // The faces that only one tet has.

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "hostgen/finger/spec.h"
@@ -29,6 +30,10 @@ enum class MeshSize { kCoarse, kDefault, kMedium, kFine };  ///< about 2k, 3-4k,
 /// std::runtime_error (tetgen missing, failed or over its time limit).
 TetMesh make_mesh(const FingerSpec& spec, MeshSize size = MeshSize::kDefault);
 
+/// The worst tetrahedra (smallest dihedral angle and place, no two nearer than 5 mm) and what to do about them or about
+/// a mesh that is large, in lines for people; empty if there is nothing to say.
+std::string mesh_advice(const TetMesh& mesh);
+
 /// The triangles of the touched face as mesh node indices, counter-clockwise seen from outside (from -z), in the order
 /// of the tets that own them.
 std::vector<std::array<int, 3>> front_triangles(const TetMesh& mesh);
@@ -53,6 +58,11 @@ struct ForceArrow {
 };
 /// Length of an arrow's line.
 inline constexpr double kArrowMmPerNewton = 5;
+
+/// Writes a surface as a .vtu of triangles: cell arrays "faces_front" (1: within 60 degrees of -z), "corners_in_front"
+/// and "corners_in_base" (0 to 3: how many lie in that box), "plate" (0, or the region of the plate whose box holds the
+/// triangle's middle). The boxes are lines of plate -1.
+void write_surface_vtu(const std::filesystem::path& file, const SurfaceFinger& finger);
 
 /// Writes a .vtu (ASCII XML) that ParaView opens: cell array "region", point arrays "front" and "base" (0 or 1),
 /// "plate" (0 none, else the plate's region), and "displacement_mm" if given ([3 * nodes]). Arrows are line cells of

@@ -98,6 +98,7 @@ void read_surface(TomlTable table, SurfaceSource& source) {
   source.file = table.path("file");
   if (table.has("axes")) source.R_finger_file = read_axes(table);
   if (table.has("origin_mm")) source.origin_mm = vector3(table, "origin_mm", 100 * kLargestMm);
+  source.simplify_mm = table.number("simplify_mm", 0, 5, 0);
   source.units = table.choice("units", {"mm", "cm", "m", "inch"});
   source.base_mm = read_box(table.table("base"), "surface.base", source);
   source.front_mm = read_box(table.table("front"), "surface.front", source);
@@ -339,6 +340,26 @@ void check_markers_on_plates(const FingerSpec& spec) {
 }
 
 }  // namespace
+
+std::shared_ptr<const SurfaceFinger> read_surface_unchecked(const std::filesystem::path& file) try {
+  TomlTable table = TomlTable::parse_file(file);
+  if (!table.has("surface")) return nullptr;
+  auto finger = std::make_shared<SurfaceFinger>();
+  SurfaceSource& source = finger->source;
+  read_surface(table.table("surface"), source);
+  TomlTable plates = table.table("plates");
+  for (int p = 0; p < kPlates; ++p) {
+    try {
+      TomlTable plate = plates.table(kPlateNames[p]);
+      source.plates[p].box_mm = read_box(plate.table("box"), box_field(p), source);
+    } catch (const InputError&) {  // its box stays empty
+    }
+  }
+  finger->surface = read_placed_surface(source);
+  return finger;
+} catch (const InputError&) {
+  return nullptr;
+}
 
 FingerSpec read_finger_spec(const std::filesystem::path& file) {
   FingerSpec spec;

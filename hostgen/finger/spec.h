@@ -129,6 +129,10 @@ struct FingerSpec {
   const Scene& scene(const std::string& wanted) const;
 };
 
+/// The surface that a spec names and the boxes around its parts, as far as they can be read and unchecked, for a
+/// picture of what is wrong; nothing for a parametric finger, or if there is no surface to show.
+std::shared_ptr<const SurfaceFinger> read_surface_unchecked(const std::filesystem::path& file);
+
 /// Throws InputError for unknown keys, wrong types, numbers or a surface that cannot be a finger, and a camera that
 /// does not see all markers (with the reason).
 FingerSpec read_finger_spec(const std::filesystem::path& file);

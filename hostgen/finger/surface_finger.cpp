@@ -17,13 +17,14 @@ const std::map<std::string, double> kUnits_mm = {{"mm", 1}, {"cm", 10}, {"m", 10
 constexpr double kSmallestMm = 20, kLargestMm = 1000;  // of a finger's largest side
 constexpr double kUsualMm = 500;                       // the size that guessed units should give
 // Each becomes several tetrahedra, and the board solves for all of them in every frame.
-constexpr std::size_t kMaxTriangles = 20'000;
+constexpr std::size_t kMaxTriangles = 20'000, kMaxTrianglesBefore = 500'000;  // before simplifying
 
 /// A finger of 0.12 mm was drawn in metres.
-void check_size(const TriangleSurface& surface, const SurfaceSource& source) {
-  if (surface.triangle.size() > kMaxTriangles) {
+void check_size(const TriangleSurface& surface, const SurfaceSource& source, std::size_t most) {
+  if (surface.triangle.size() > most) {
     throw InputError(source.file.string(), "surface", std::to_string(surface.triangle.size()) + " triangles",
-                     "at most " + std::to_string(kMaxTriangles) + ", better some hundreds (simplify the surface)");
+                     "at most " + std::to_string(most) +
+                         ", better some hundreds (surface.simplify_mm takes out what a " + "surface hardly needs)");
   }
   AlignedBox3d bounds;
   for (const Eigen::Vector3d& at : surface.point_mm) bounds.extend(at);
@@ -95,6 +96,20 @@ void check_boxes_apart(const SurfaceSource& source, const std::string& spec) {
   }
 }
 
+/// Where the touched face may be, for a message.
+std::string nearest_front(const TriangleSurface& surface) {
+  std::size_t largest = surface.triangle.size();
+  double area = 0;
+  for (std::size_t t = 0; t < surface.triangle.size(); ++t) {
+    if (!faces_front(surface.twice_area(t)) || surface.twice_area(t).norm() <= area) continue;
+    area = surface.twice_area(t).norm();
+    largest = t;
+  }
+  if (largest == surface.triangle.size()) return "; none of the whole surface does: are surface.axes right?";
+  return "; the largest that does is triangle " + std::to_string(largest + 1) + " around " +
+         place_text(surface.middle(largest));
+}
+
 }  // namespace
 
 AlignedBox3d SurfaceFinger::plate_bounds_mm(int plate) const {
@@ -115,17 +130,28 @@ Surface SurfaceFinger::tetgen_input() const {
 
 std::string box_field(int plate) { return std::string("plates.") + kPlateNames[plate] + ".box"; }
 
+TriangleSurface read_placed_surface(const SurfaceSource& source) {
+  TriangleSurface surface = read_triangles(source.file, kUnits_mm.at(source.units));
+  for (Eigen::Vector3d& at : surface.point_mm) at = source.R_finger_file * (at - source.origin_mm);
+  return surface;
+}
+
 SurfaceFinger read_surface_finger(SurfaceSource as_written, const std::filesystem::path& spec_file) {
   const std::string spec = spec_file.string();
   SurfaceFinger finger;
   SurfaceSource& source = finger.source = std::move(as_written);
   TriangleSurface& surface = finger.surface;
-  surface = read_triangles(source.file, kUnits_mm.at(source.units));
-  check_size(surface, source);
+  surface = read_placed_surface(source);
+  if (source.simplify_mm > 0) {
+    check_size(surface, source, kMaxTrianglesBefore);
+    check_bounds_a_solid(surface, source.file.string());
+    simplify(surface, source.simplify_mm);
+  }
+  check_size(surface, source, kMaxTriangles);
   check_bounds_a_solid(surface, source.file.string());
-  for (Eigen::Vector3d& at : surface.point_mm) at = source.R_finger_file * (at - source.origin_mm);
   find_labelled(surface, source, spec);
   check_boxes_apart(source, spec);
+  if (!source.label.contains("surface.front")) cut_front_at_box(surface, source.front_mm);
   for (const PlateBox& plate : source.plates) snap_to_box(surface, plate.box_mm);
   for (int p = 0; p < kPlates; ++p) {
     finger.joints[p] = cut_at_joined_face(surface, source.plates[p], spec, box_field(p));
@@ -144,7 +170,8 @@ SurfaceFinger read_surface_finger(SurfaceSource as_written, const std::filesyste
     finger.front.push_back(surface.triangle[t]);
   }
   if (finger.front.empty()) {
-    throw InputError(spec, "surface.front", "no triangle in it that faces -z", "the face that is touched");
+    throw InputError(spec, "surface.front", "no triangle in it that faces -z" + nearest_front(surface),
+                     "the face that is touched");
   }
   return finger;
 }

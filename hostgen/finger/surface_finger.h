@@ -21,6 +21,7 @@ struct SurfaceSource {
   Eigen::Vector3d origin_mm = Eigen::Vector3d::Zero();  ///< of the finger frame, in the file's axes
   std::array<PlateBox, kPlates> plates;                 ///< top, middle, low
   Eigen::AlignedBox3d base_mm, front_mm;
+  double simplify_mm = 0;  ///< how far the surface may move to become simpler: see simplify()
   /// Boxes given by a label, which names faces in the file: field of the spec ("surface.base") -> label.
   std::map<std::string, std::string> label;
 };
@@ -39,6 +40,9 @@ struct SurfaceFinger {
 
 /// The spec's field of a plate's box.
 std::string box_field(int plate);
+
+/// The triangles of the source's file in the finger frame, unchecked. Throws InputError if it cannot be read.
+TriangleSurface read_placed_surface(const SurfaceSource& source);
 
 /// Reads and checks the surface. Throws InputError, naming the surface's file or the field of `spec_file`.
 SurfaceFinger read_surface_finger(SurfaceSource source, const std::filesystem::path& spec_file);

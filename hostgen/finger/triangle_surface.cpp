@@ -2,8 +2,11 @@
 
 #include <assimp/scene.h>
 
+#include <algorithm>
 #include <assimp/Importer.hpp>
+#include <cctype>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <sstream>
 
@@ -14,19 +17,33 @@ namespace finsight::host {
 
 namespace {
 
-/// Numbers points by their coordinates.
+/// Numbers points; those nearer than kWeldMm to an earlier one are that.
 class Points {
  public:
   explicit Points(std::vector<Eigen::Vector3d>& points) : points_(points) {}
   int number(const Eigen::Vector3d& at) {
-    const auto [place, added] = number_.try_emplace({at.x(), at.y(), at.z()}, static_cast<int>(points_.size()));
-    if (added) points_.push_back(at);
-    return place->second;
+    const Cell here = cell(at);
+    for (int turn = 0; turn < 27; ++turn) {
+      const int near = (turn + 13) % 27;  // the point's own cell first
+      const auto found = number_.find({here[0] + near % 3 - 1, here[1] + near / 3 % 3 - 1, here[2] + near / 9 - 1});
+      if (found == number_.end()) continue;
+      for (const int point : found->second) {
+        if ((points_[static_cast<std::size_t>(point)] - at).norm() <= kWeldMm) return point;
+      }
+    }
+    number_[here].push_back(static_cast<int>(points_.size()));
+    points_.push_back(at);
+    return static_cast<int>(points_.size()) - 1;
   }
 
  private:
+  using Cell = std::array<long, 3>;
+  static Cell cell(const Eigen::Vector3d& at) {
+    const auto along = [&](int axis) { return std::lround(at[axis] / kWeldMm); };
+    return {along(0), along(1), along(2)};
+  }
   std::vector<Eigen::Vector3d>& points_;
-  std::map<std::array<double, 3>, int> number_;
+  std::map<Cell, std::vector<int>> number_;
 };
 
 }  // namespace
@@ -38,7 +55,8 @@ std::string place_text(const Eigen::Vector3d& at_mm) {
 }
 
 TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm) {
-  const std::string extension = file.extension();
+  std::string extension = file.extension();
+  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
   if (extension != ".stl" && extension != ".ply" && extension != ".obj") {
     throw InputError(file.string(), "extension", "'" + extension + "'", ".stl, .ply or .obj");
   }
@@ -63,11 +81,41 @@ TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm
         corner.push_back(points.number(unit_mm * Eigen::Vector3d(at.x, at.y, at.z)));
       }
       labelled.insert(labelled.end(), corner.begin(), corner.end());
-      for (std::size_t i = 2; i < corner.size(); ++i) surface.triangle.push_back({corner[0], corner[i - 1], corner[i]});
+      for (std::size_t i = 2; i < corner.size(); ++i) {
+        const std::array<int, 3> triangle = {corner[0], corner[i - 1], corner[i]};
+        const bool welded = triangle[0] == triangle[1] || triangle[1] == triangle[2] || triangle[2] == triangle[0];
+        if (!welded) surface.triangle.push_back(triangle);
+      }
     }
   }
   if (surface.triangle.empty()) throw InputError(file.string(), "surface", "no triangles", "some");
   return surface;
+}
+
+std::string hardness_text(const TriangleSurface& surface) {
+  double shortest_mm = std::numeric_limits<double>::infinity(), thinnest = shortest_mm;
+  Eigen::Vector3d short_at = Eigen::Vector3d::Zero(), thin_at = short_at;
+  for (std::size_t t = 0; t < surface.triangle.size(); ++t) {
+    const auto corner = surface.corners(t);
+    double longest_mm = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Eigen::Vector3d edge = corner[(i + 1) % 3] - corner[i];
+      longest_mm = std::max(longest_mm, edge.norm());
+      if (edge.norm() >= shortest_mm) continue;
+      shortest_mm = edge.norm();
+      short_at = corner[i];
+    }
+    const double thin = surface.twice_area(t).norm() / (longest_mm * longest_mm);
+    if (thin >= thinnest) continue;
+    thinnest = thin;
+    thin_at = surface.middle(t);
+  }
+  std::ostringstream text;
+  text.precision(2);
+  text << surface.triangle.size() << " triangles, the shortest edge " << shortest_mm << " mm at "
+       << place_text(short_at) << ", the thinnest triangle 1:" << std::lround(1 / thinnest) << " around "
+       << place_text(thin_at);
+  return text.str();
 }
 
 double winding_number(const TriangleSurface& surface, const Eigen::Vector3d& at_mm) {

@@ -33,10 +33,21 @@ struct TriangleSurface {
 /// "(1, 2.5, 3) mm", for messages.
 std::string place_text(const Eigen::Vector3d& at_mm);
 
-/// Reads .stl (binary or ASCII), .ply or .obj (by its extension) whose numbers are in units of `unit_mm`. Points of
-/// equal coordinates become one; a face of more than three corners becomes a fan. OBJ's groups and STL's solids have
-/// names. Throws InputError.
+/// Points of a file that are nearer than this to each other are one: only rounding made them several.
+inline constexpr double kWeldMm = 1e-3;
+
+/// Reads .stl (binary or ASCII), .ply or .obj (by its extension, in either case) whose numbers are in units of
+/// `unit_mm`. Points within kWeldMm become one, and triangles that vanish by that are left out; a face of more than
+/// three corners becomes a fan. OBJ's groups and STL's solids have names. Throws InputError.
 TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm);
+
+/// Takes out points as long as the surface stays within `tolerance_mm` of where it was: slivers and short edges of CAD
+/// go, sharp edges stay. What is left are points of the surface. Expects two triangles at every edge.
+void simplify(TriangleSurface& surface, double tolerance_mm);
+
+/// How many triangles, and what makes them hard to fill with tetrahedra: the shortest edge and the thinnest triangle,
+/// with places, for messages.
+std::string hardness_text(const TriangleSurface& surface);
 
 /// Throws InputError (file, number of faults, where the first is) unless the surface bounds one solid in one piece,
 /// with or without closed hollows: no triangle without area or duplicated, two at every edge, all facing outward, none

@@ -1,9 +1,12 @@
 // VTK's XML format for unstructured grids, ASCII: larger than binary, but readable by anything.
+#include <algorithm>
 #include <charconv>
 #include <functional>
 #include <stdexcept>
 
+#include "hostgen/finger/front_face.h"
 #include "hostgen/finger/mesh.h"
+#include "hostgen/finger/surface_finger.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {
@@ -22,7 +25,8 @@ class VtuText {
          std::to_string(components) + "\" format=\"ascii\">");
     for (std::size_t i = 0; i < count; ++i) {
       char digits[32];  // shortest text that reads back as the same number
-      text_.append(digits, std::to_chars(digits, digits + sizeof digits, value(i)).ptr);
+      const char* const end = std::to_chars(digits, digits + sizeof digits, value(i)).ptr;
+      text_.append(digits, static_cast<std::size_t>(end - digits));
       text_ += (i + 1) % per_line == 0 || i + 1 == count ? '\n' : ' ';
     }
     line("</DataArray>");
@@ -95,6 +99,72 @@ void write_vtu(const std::filesystem::path& file, const TetMesh& mesh, const std
   out.array("Int32", "offsets", 1, cells, 16,
             [&](std::size_t i) { return i < tets ? 4 * (i + 1) : 4 * tets + 2 * (i + 1 - tets); });
   out.array("UInt8", "types", 1, cells, 32, [&](std::size_t i) { return i < tets ? 10 : 3; });  // VTK_TETRA, VTK_LINE
+  out.line("</Cells>");
+  out.line("</Piece>");
+  out.line("</UnstructuredGrid>");
+  out.line("</VTKFile>");
+  write_file_atomically(file, out.text());
+}
+
+void write_surface_vtu(const std::filesystem::path& file, const SurfaceFinger& finger) {
+  const TriangleSurface& surface = finger.surface;
+  const SurfaceSource& source = finger.source;
+  std::vector<Eigen::Vector3d> points = surface.point_mm;
+  std::vector<int> connectivity, offsets, faces_front, in_front, in_base, plate;
+  const auto corners_in = [](const Eigen::AlignedBox3d& box, const std::array<Eigen::Vector3d, 3>& corner) {
+    return static_cast<int>(std::ranges::count_if(corner, [&](const Eigen::Vector3d& at) { return box.contains(at); }));
+  };
+  for (std::size_t t = 0; t < surface.triangle.size(); ++t) {
+    connectivity.insert(connectivity.end(), surface.triangle[t].begin(), surface.triangle[t].end());
+    offsets.push_back(static_cast<int>(connectivity.size()));
+    faces_front.push_back(host::faces_front(surface.twice_area(t)));
+    in_front.push_back(corners_in(source.front_mm, surface.corners(t)));
+    in_base.push_back(corners_in(source.base_mm, surface.corners(t)));
+    plate.push_back(0);
+    for (int p = 0; p < kPlates; ++p) {
+      if (source.plates[p].box_mm.contains(surface.middle(t))) plate.back() = kFirstPlateRegion + p;
+    }
+  }
+  const auto add_box = [&](const Eigen::AlignedBox3d& box) {
+    if (box.isEmpty()) return;
+    const auto first = static_cast<int>(points.size());
+    for (int c = 0; c < 8; ++c) points.push_back(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(c)));
+    for (int c = 0; c < 8; ++c) {
+      for (const int bit : {1, 2, 4}) {
+        if (c & bit) continue;
+        connectivity.insert(connectivity.end(), {first + c, first + c + bit});
+        offsets.push_back(static_cast<int>(connectivity.size()));
+        for (auto* values : {&faces_front, &in_front, &in_base}) values->push_back(0);
+        plate.push_back(-1);
+      }
+    }
+  };
+  add_box(source.base_mm);
+  add_box(source.front_mm);
+  for (const PlateBox& one : source.plates) add_box(one.box_mm);
+
+  const auto entries = [](const auto& values) { return [&values](std::size_t i) { return values[i]; }; };
+  VtuText out;
+  out.line("<?xml version=\"1.0\"?>");
+  out.line("<VTKFile type=\"UnstructuredGrid\" version=\"0.1\" byte_order=\"LittleEndian\">");
+  out.line("<UnstructuredGrid>");
+  out.line("<Piece NumberOfPoints=\"" + std::to_string(points.size()) + "\" NumberOfCells=\"" +
+           std::to_string(offsets.size()) + "\">");
+  out.line("<CellData>");
+  out.array("Int32", "faces_front", 1, offsets.size(), 32, entries(faces_front));
+  out.array("Int32", "corners_in_front", 1, offsets.size(), 32, entries(in_front));
+  out.array("Int32", "corners_in_base", 1, offsets.size(), 32, entries(in_base));
+  out.array("Int32", "plate", 1, offsets.size(), 32, entries(plate));
+  out.line("</CellData>");
+  out.line("<Points>");
+  out.array("Float64", "position_mm", 3, 3 * points.size(), 3,
+            [&](std::size_t i) { return points[i / 3][static_cast<Eigen::Index>(i % 3)]; });
+  out.line("</Points>");
+  out.line("<Cells>");
+  out.array("Int32", "connectivity", 1, connectivity.size(), 6, entries(connectivity));
+  out.array("Int32", "offsets", 1, offsets.size(), 16, entries(offsets));
+  out.array("UInt8", "types", 1, offsets.size(), 32,
+            [&](std::size_t i) { return i < surface.triangle.size() ? 5 : 3; });  // VTK_TRIANGLE, VTK_LINE
   out.line("</Cells>");
   out.line("</Piece>");
   out.line("</UnstructuredGrid>");

@@ -54,8 +54,8 @@ TEST_CASE("jig holes: a narrow face has one column, a short one fewer rows") {
   CHECK(jig_holes(spec).size() == 3);
   for (const JigHole& hole : jig_holes(spec)) CHECK(hole.contact_mm.x() == 0);
   spec.touch_edge_mm = 2.3;
-  spec.touch_y_mm = {50, 66};
+  spec.touch_y_mm = {50, 76};
   CHECK(jig_holes(spec).size() == 6);
-  spec.touch_y_mm = {50, 55};
+  spec.touch_y_mm = {50, 60};
   CHECK(jig_holes(spec).size() == 3);
 }

@@ -237,6 +237,9 @@ TEST_CASE("mesh: a TetGen that is missing, fails, hangs or lies is an error, and
   using namespace std::chrono_literals;
   CHECK(failure("no-such-tetgen", 1000ms).find("apt-get install tetgen") != std::string::npos);
   CHECK(failure(folder.script("exec sleep 60"), 30ms).find("was stopped") != std::string::npos);
+  CHECK(failure(folder.script("while :; do :; done"), 30ms).find("ms of processor time") != std::string::npos);
+  // Waiting for others is no reason to be stopped: half a second, of which next to nothing is processor time.
+  CHECK(failure(folder.script("sleep 0.5"), 200ms).find("wrote no mesh") != std::string::npos);
   CHECK(failure(folder.script("echo bad facet; exit 3"), 10s).find("exit code 3:\nbad facet") != std::string::npos);
   CHECK(failure(folder.script("kill -ABRT $$"), 10s).find("signal 6") != std::string::npos);
   CHECK(failure(folder.script("exit 0"), 10s).find("no mesh") != std::string::npos);

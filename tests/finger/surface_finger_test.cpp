@@ -291,6 +291,93 @@ TEST_CASE("surface finger: boxes, markers and touches that are not where the fin
   }
 }
 
+TEST_CASE("surface finger: the touched face ends where its box does, also in the middle of triangles") {
+  // The wall of one finger is two triangles from base to tip: no corner of them lies between 30 and 80 mm.
+  const std::string text = replaced(replaced(spec_text(), "min_mm = [-40, -1, -40], max_mm = [40, 121, 0]",
+                                             "min_mm = [-12, 30, -40], max_mm = [40, 80, 0]"),
+                                    "y_mm = [13, 107]", "y_mm = [31, 79]");
+  const std::string narrow = replaced(text, "half_width_mm = [26, 16]", "half_width_mm = [11, 11]");
+  CHECK(refusal(narrow, srm_surface()) == "");
+  const test::ScratchFolder folder;
+  test::write_binary_stl(folder / "finger.stl", srm_surface());
+  const TetMesh mesh = make_mesh(read_finger_spec(folder.write("finger.toml", narrow)), MeshSize::kCoarse);
+  Eigen::AlignedBox3d bounds;
+  for (const int index : mesh.front_nodes) bounds.extend(node(mesh, index));
+  CHECK(bounds.min().y() == doctest::Approx(30));
+  CHECK(bounds.max().y() == doctest::Approx(80));
+  CHECK(bounds.min().x() == doctest::Approx(-12));
+  CHECK(bounds.max().x() > 20);
+  CHECK(volumes_mm3(mesh)[0] == doctest::Approx(volumes_mm3(srm_mesh())[0]).epsilon(1e-6));
+  CHECK(refusal(text, srm_surface()).find("beside the touched face") != std::string::npos);
+  CHECK(refusal(replaced(spec_text(), "max_mm = [40, 121, 0]", "max_mm = [40, 121, -28.5]"), srm_surface())
+            .find("the largest that does is triangle ") != std::string::npos);
+}
+
+TEST_CASE("surface finger: a refused one can still be shown, with its boxes") {
+  const test::ScratchFolder folder;
+  test::write_binary_stl(folder / "finger.stl", srm_surface());
+  const auto spec =
+      folder.write("finger.toml", replaced(spec_text(), "half_width_mm = [26, 16]", "half_width_mm = [29, 16]"));
+  CHECK_THROWS_AS(read_finger_spec(spec), InputError);
+  const auto finger = read_surface_unchecked(spec);
+  REQUIRE(finger);
+  CHECK(finger->surface.triangle.size() == srm_surface().triangle.size());
+  write_surface_vtu(folder / "finger.vtu", *finger);
+  const std::string vtu = read_file(folder / "finger.vtu");
+  CHECK(vtu.find("NumberOfCells=\"" + std::to_string(srm_surface().triangle.size() + 5 * 12) + "\"") !=
+        std::string::npos);
+  CHECK(vtu.find("corners_in_front") != std::string::npos);
+  CHECK_FALSE(read_surface_unchecked(kFingers / "srm.toml"));
+}
+
+TEST_CASE("surface finger: slivers of CAD are taken out where the spec allows the surface to move") {
+  // Pairs of points a few micrometres apart, as fillets and Boolean operations leave them: every edge of the front wall
+  // is split next to both of its ends.
+  TriangleSurface slivers = srm_surface();
+  std::map<std::pair<int, int>, int> added;
+  const auto near_end = [&](int end, int other) {
+    const auto [place, is_new] = added.try_emplace({end, other}, static_cast<int>(slivers.point_mm.size()));
+    const Vector3d along =
+        slivers.point_mm[static_cast<std::size_t>(other)] - slivers.point_mm[static_cast<std::size_t>(end)];
+    if (is_new) slivers.point_mm.push_back(slivers.point_mm[static_cast<std::size_t>(end)] + 0.02 * along.normalized());
+    return place->second;
+  };
+  std::vector<std::array<int, 3>> triangles;
+  for (const auto& [a, b, c] : srm_surface().triangle) {  // a corner cut off at each corner, and what is left of it
+    const int ab = near_end(a, b), ba = near_end(b, a), bc = near_end(b, c), cb = near_end(c, b), ca = near_end(c, a),
+              ac = near_end(a, c);
+    for (const auto& part :
+         {std::array{a, ab, ac}, {b, bc, ba}, {c, ca, cb}, {ab, ba, bc}, {ab, bc, cb}, {ab, cb, ca}, {ab, ca, ac}})
+      triangles.push_back(part);
+  }
+  slivers.triangle = triangles;
+  TriangleSurface simpler = slivers;
+  simplify(simpler, 0.03);
+  CHECK_NOTHROW(check_bounds_a_solid(simpler, "simpler"));
+  CHECK(simpler.triangle.size() < srm_surface().triangle.size());
+  CHECK(test::volume_mm3(simpler) == doctest::Approx(test::volume_mm3(srm_surface())).epsilon(1e-3));
+  for (const Vector3d& at : srm_surface().point_mm) {
+    double nearest = 1e9;
+    for (std::size_t t = 0; t < simpler.triangle.size(); ++t) {
+      const auto corner = simpler.corners(t);
+      const Vector3d normal = simpler.twice_area(t).normalized();
+      const double off = std::abs(normal.dot(at - corner[0]));
+      if (off < 0.05) nearest = std::min(nearest, off);
+    }
+    CHECK(nearest <= 0.03 + 1e-9);
+  }
+  const test::ScratchFolder folder;
+  test::write_obj(folder / "finger.obj", slivers);
+  const std::string text = replaced(spec_text(), "finger.stl", "finger.obj");
+  const TetMesh bad = make_mesh(read_finger_spec(folder.write("bad.toml", text)), MeshSize::kCoarse);
+  const TetMesh good =
+      make_mesh(read_finger_spec(folder.write("good.toml", replaced(text, "units =", "simplify_mm = 0.03\nunits ="))),
+                MeshSize::kCoarse);
+  CHECK(good.tets.size() < 0.5 * static_cast<double>(bad.tets.size()));
+  CHECK(good.min_dihedral_deg > bad.min_dihedral_deg);
+  CHECK(mesh_advice(bad).find("surface.simplify_mm") != std::string::npos);
+}
+
 TEST_CASE("surface finger: a sealed hollow stays empty") {
   const test::ScratchFolder folder;
   const TriangleSurface hollow =

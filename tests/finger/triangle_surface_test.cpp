@@ -45,6 +45,40 @@ TEST_CASE("triangle surface: every format gives the same points and triangles, i
   }
 }
 
+TEST_CASE("triangle surface: a name in capitals is a name") {
+  const test::ScratchFolder folder;
+  const TriangleSurface box = test::box_surface({0, 0, 0}, {3, 4, 5});
+  test::write_binary_stl(folder / "BOX.STL", box);
+  CHECK(read_triangles(folder / "BOX.STL", 1).triangle.size() == 12);
+}
+
+TEST_CASE("triangle surface: points that only rounding parted are one, and triangles between them vanish") {
+  const test::ScratchFolder folder;
+  TriangleSurface parted;
+  const TriangleSurface box = test::box_surface({0, 0, 0}, {30, 40, 50});
+  for (std::size_t t = 0; t < box.triangle.size(); ++t) {  // every triangle with corners of its own
+    const int first = static_cast<int>(parted.point_mm.size());
+    for (const Vector3d& corner : box.corners(t)) {
+      const double off = 0.0001 * static_cast<double>(parted.point_mm.size() % 5);
+      parted.point_mm.push_back(corner + Vector3d(off, -off, off / 2));
+    }
+    parted.triangle.push_back({first, first + 1, first + 2});
+  }
+  parted.point_mm.push_back(parted.point_mm[0] + Vector3d(0.0001, 0, 0));
+  parted.triangle.push_back({0, 1, static_cast<int>(parted.point_mm.size()) - 1});
+  test::write_obj(folder / "box.obj", parted);
+  const TriangleSurface read = read_triangles(folder / "box.obj", 1);
+  CHECK(read.point_mm.size() == 8);
+  CHECK(read.triangle.size() == 12);
+  CHECK_NOTHROW(check_bounds_a_solid(read, "box"));
+}
+
+TEST_CASE("triangle surface: its shortest edge and its thinnest triangle can be told") {
+  const std::string text = hardness_text(test::box_surface({0, 0, 0}, {0.25, 40, 50}));
+  CHECK_MESSAGE(text.find("12 triangles, the shortest edge 0.25 mm at (0") == 0, text);
+  CHECK_MESSAGE(text.find("the thinnest triangle 1:200") != std::string::npos, text);
+}
+
 TEST_CASE("triangle surface: a four-sided face becomes two triangles, groups become one surface") {
   const test::ScratchFolder folder;
   std::ofstream(folder / "faces.obj") << "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\n"
