@@ -30,6 +30,7 @@ void print(const Identification& found, const RecordingAudit& audit) {
   std::printf(
       "plate motion at the recorded push, RMS error (a degree counts as 0.5 mm): %.3f mm before, %.3f mm after\n",
       found.rms_before_mm, found.rms_after_mm);
+  if (!found.changed) std::printf("nothing was changed: %s\n", found.why_unchanged.c_str());
   std::printf("%zu pushes; %zu of them left out: the simulated finger finds no equilibrium\n", found.pushes,
               found.failed);
   std::printf(

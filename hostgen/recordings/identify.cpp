@@ -243,7 +243,16 @@ Identification identify_spec(const FingerSpec& spec, const std::vector<RecordedP
     if (!better || change.cwiseAbs().maxCoeff() < 1e-3)
       iteration = iterations - 1;  // one more linearisation, for the standard deviations
   }
-  Identification result{{}, rms_mm(first, pushes, good), rms_mm(here, pushes, good), pushes.size(), 0};
+  Identification result;
+  result.rms_before_mm = rms_mm(first, pushes, good);
+  result.rms_after_mm = rms_mm(here, pushes, good);
+  result.changed = at != start;
+  result.pushes = pushes.size();
+  if (!result.changed) {
+    result.why_unchanged = std::ranges::count(step.identifiable, true) == 0
+                               ? "the recordings determine none of them"
+                               : "no step towards other numbers made the error smaller";
+  }
   result.failed = static_cast<std::size_t>(std::count(good.begin(), good.end(), false));
   for (Index i = 0; i < kCount; ++i) {
     const double before = std::exp(start[i]), after = std::exp(at[i]);

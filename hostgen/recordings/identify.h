@@ -35,6 +35,9 @@ struct Identification {
   /// RMS of the plate numbers' errors, rotations as the motion of a point 28.65 mm from the axis (half a mm per
   /// degree).
   double rms_before_mm = 0, rms_after_mm = 0;
+  /// False: every number is the spec's; `why_unchanged` says why in words.
+  bool changed = false;
+  std::string why_unchanged;
   std::size_t pushes = 0, failed = 0;  ///< compared; left out, because no equilibrium was found
 };
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <limits>
 
 #include "firmware/geometry/plate_motion.h"
 #include "firmware/input_error.h"
@@ -30,25 +31,26 @@ struct Rows {
   std::vector<std::string> recording;
 };
 
-Rows usable_rows(const RecordedMotion& motion) {
+/// Appends; recordings and contact points of different files are different.
+void add_usable_rows(const RecordedMotion& motion, const std::string& file, Rows& rows) {
   const std::vector<bool> outlier = find_outliers(motion);
-  Rows rows;
+  const int first_point = rows.point.empty() ? 0 : 1 + *std::ranges::max_element(rows.point);
   std::vector<Vec3f> pen_mm;
   for (std::size_t row = 0; row < outlier.size(); ++row) {
     if (outlier[row]) continue;
     rows.poses.push_back(motion.poses[row]);
-    rows.point.push_back(motion.surface_node[row]);
-    rows.recording.push_back(motion.recording[row]);
+    rows.point.push_back(first_point + motion.surface_node[row]);
+    rows.recording.push_back(file + motion.recording[row]);
     pen_mm.push_back(motion.pen_mm[row]);
   }
-  rows.pen_mm.resize(3, static_cast<Eigen::Index>(pen_mm.size()));
-  for (std::size_t i = 0; i < pen_mm.size(); ++i) rows.pen_mm.col(static_cast<Eigen::Index>(i)) = pen_mm[i];
-  return rows;
+  const Eigen::Index before = rows.pen_mm.cols();
+  rows.pen_mm.conservativeResize(3, before + static_cast<Eigen::Index>(pen_mm.size()));
+  for (std::size_t i = 0; i < pen_mm.size(); ++i) rows.pen_mm.col(before + static_cast<Eigen::Index>(i)) = pen_mm[i];
 }
 
-/// Trains on the first rows, predicts the second ones.
+/// Trains on the first rows in so many steps, predicts the second ones.
 using Learner = std::function<Eigen::MatrixXf(const std::vector<std::size_t>&, const std::vector<std::size_t>&,
-                                              const std::function<void()>& tick)>;
+                                              int steps, const std::function<void()>& tick)>;
 
 template <class Matrix>
 Eigen::MatrixXf columns(const Matrix& all, const std::vector<std::size_t>& rows) {
@@ -59,8 +61,10 @@ Eigen::MatrixXf columns(const Matrix& all, const std::vector<std::size_t>& rows)
 }
 
 Learner regression_learner(Eigen::MatrixXf inputs, const Rows& rows, const RegressionPlan& plan) {
-  return [inputs = std::move(inputs), &rows, plan](const auto& train, const auto& test, const auto& tick) {
-    Regression network(columns(inputs, train), columns(rows.pen_mm, train), plan, tick);
+  return [inputs = std::move(inputs), &rows, plan](const auto& train, const auto& test, int steps, const auto& tick) {
+    RegressionPlan now = plan;
+    now.steps = steps;
+    Regression network(columns(inputs, train), columns(rows.pen_mm, train), now, tick);
     return network.predict(columns(inputs, test));
   };
 }
@@ -135,14 +139,14 @@ class PackNetwork {
     return contact(network.forward(columns(inputs_, test)));
   }
 
-  Eigen::MatrixXf fine_tuned(const std::vector<std::size_t>& train, const std::vector<std::size_t>& test,
+  Eigen::MatrixXf fine_tuned(const std::vector<std::size_t>& train, const std::vector<std::size_t>& test, int steps,
                              const std::function<void()>& tick) const {
     constexpr float kPeakRate = 5e-4f;  // half of that for training from scratch
     Network network = network_of_pack();
     Adam adam(network);
     Random random(plan_.seed);
     Eigen::MatrixXf x(inputs_.rows(), 128), pen_mm(3, 128), gradient;
-    for (int step = 0; step < plan_.steps; ++step) {
+    for (int step = 0; step < steps; ++step) {
       for (Eigen::Index column = 0; column < x.cols(); ++column) {
         const auto row = static_cast<Eigen::Index>(train[random.index(train.size())]);
         x.col(column) = inputs_.col(row);
@@ -157,7 +161,7 @@ class PackNetwork {
         gradient.row(3 + i) = error.row(i) * scale(3 + i) / (scale(i) * scale(i));
       }
       network.backward(gradient);
-      adam.step(network, cosine_rate(kPeakRate, step, plan_.steps));
+      adam.step(network, cosine_rate(kPeakRate, step, steps));
       tick();
     }
     return contact(network.forward(columns(inputs_, test)));
@@ -204,35 +208,90 @@ class PackNetwork {
 struct Method {
   std::string name;
   Learner learner;
+  bool learns = true;
 };
+
+double mean_distance_mm(const Eigen::MatrixXf& truth, const Eigen::MatrixXf& predicted) {
+  return static_cast<double>((predicted - truth).colwise().norm().mean());
+}
+
+/// Trains as long as it helps rows that are held out (whole contact points, unless the split is by rows); then on all,
+/// for as long as that was.
+struct Trained {
+  Eigen::MatrixXf predicted;
+  int steps = 0;
+};
+Trained train_and_predict(const Method& method, const Rows& rows, const Split& split, bool by_point,
+                          const RecordingTrainingPlan& plan, const std::function<void()>& tick) {
+  constexpr int kShortest = 32;      // share of the most steps
+  constexpr double kBetter = 0.995;  // errors of held-out points scatter by more than the rest
+  if (!method.learns) return {method.learner(split.train, split.test, 0, tick), 0};
+  std::vector<int> group;
+  for (const std::size_t row : split.train) group.push_back(by_point ? rows.point[row] : static_cast<int>(row));
+  const Split inner = group_split(group, kFolds, 0, plan.seed + 1);
+  std::vector<std::size_t> learn, held_out;
+  for (const std::size_t i : inner.train) learn.push_back(split.train[i]);
+  for (const std::size_t i : inner.test) held_out.push_back(split.train[i]);
+  int best_steps = plan.steps;
+  if (!learn.empty() && !held_out.empty()) {
+    const Eigen::MatrixXf truth = columns(rows.pen_mm, held_out);
+    double best_mm = std::numeric_limits<double>::infinity();
+    for (int steps = std::max(1, plan.steps / kShortest); steps <= plan.steps; steps *= 2) {
+      const double error_mm = mean_distance_mm(truth, method.learner(learn, held_out, steps, tick));
+      if (error_mm > kBetter * best_mm) break;
+      best_mm = error_mm;
+      best_steps = steps;
+    }
+  }
+  return {method.learner(split.train, split.test, best_steps, tick), best_steps};
+}
 
 // Predictions of all folds, in the order of the rows.
 struct Predictions {
   Split random;
   Eigen::MatrixXf at_random;
   Eigen::Matrix3Xf by_point;
+  Eigen::MatrixXf other;
+  std::vector<int> steps;
 };
 
-RecordingScore score(const std::string& name, const Rows& rows, const Predictions& predictions) {
-  const auto errors = [](const Eigen::MatrixXf& truth, const Eigen::MatrixXf& predicted) {
-    return axis_errors(truth.cast<double>(), (predicted - truth).cast<double>());
-  };
-  return {name, errors(columns(rows.pen_mm, predictions.random.test), predictions.at_random),
-          errors(rows.pen_mm, predictions.by_point),
-          static_cast<double>((predictions.by_point - rows.pen_mm).colwise().norm().mean())};
+AxisErrors errors_of(const Eigen::MatrixXf& truth, const Eigen::MatrixXf& predicted) {
+  return axis_errors(truth.cast<double>(), (predicted - truth).cast<double>());
+}
+
+/// `count`: of the rows that are trained on; those after them are the other file's.
+RecordingScore score(const std::string& name, const Rows& rows, Eigen::Index count, const Predictions& predictions) {
+  const Eigen::MatrixXf own = rows.pen_mm.leftCols(count), other = rows.pen_mm.rightCols(rows.pen_mm.cols() - count);
+  RecordingScore result{.method = name,
+                        .random = errors_of(columns(rows.pen_mm, predictions.random.test), predictions.at_random),
+                        .by_point = errors_of(own, predictions.by_point),
+                        .mean_mm = mean_distance_mm(own, predictions.by_point),
+                        .steps = {std::ranges::min(predictions.steps), std::ranges::max(predictions.steps)},
+                        .other = {},
+                        .other_mean_mm = 0};
+  if (other.cols() > 0) {
+    result.other = errors_of(other, predictions.other);
+    result.other_mean_mm = mean_distance_mm(other, predictions.other);
+  }
+  return result;
 }
 
 }  // namespace
 
 std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, const Model* pack,
-                                                const RecordingTrainingPlan& plan) {
-  const Rows rows = usable_rows(motion);
+                                                const RecordingTrainingPlan& plan, const RecordedMotion* test) {
+  Rows rows;
+  add_usable_rows(motion, "", rows);
+  const std::size_t count = rows.poses.size();
+  const std::vector<int> point = rows.point;
   for (int fold = 0; fold < kFolds; ++fold) {
-    if (group_split(rows.point, kFolds, fold, plan.seed).test.empty()) {
+    if (group_split(point, kFolds, fold, plan.seed).test.empty()) {
       throw InputError("recordings", "contact points", "too few to split by point",
                        std::to_string(kFolds) + " or more");
     }
   }
+  if (test) add_usable_rows(*test, "test ", rows);
+  if (test && rows.poses.size() == count) throw InputError("--test", "no usable row in it");
   const RegressionPlan network_plan{.hidden = plan.hidden, .steps = plan.steps, .seed = plan.seed};
   RegressionPlan deeper_plan = network_plan;
   deeper_plan.hidden.insert(deeper_plan.hidden.begin(), plan.hidden.front());
@@ -242,37 +301,56 @@ std::vector<RecordingScore> train_on_recordings(const RecordedMotion& motion, co
   std::optional<PackNetwork> network;
   if (pack) {
     network.emplace(*pack, rows, plan);
-    methods.push_back(
-        {"simulation", [&](const auto&, const auto& test, const auto&) { return network->as_simulated(test); }});
-    methods.push_back({"fine-tuned", [&](const auto& train, const auto& test, const auto& tick) {
-                         return network->fine_tuned(train, test, tick);
+    methods.push_back({"simulation",
+                       [&](const auto&, const auto& tested, int, const auto&) { return network->as_simulated(tested); },
+                       false});
+    methods.push_back({"fine-tuned", [&](const auto& train, const auto& tested, int steps, const auto& tick) {
+                         return network->fine_tuned(train, tested, steps, tick);
                        }});
   }
 
+  // Of each method: one per fold, the random split, and one on everything for the other file.
+  const int trainings = kFolds + 1 + (test ? 1 : 0);
   std::vector<Predictions> predictions(methods.size());
-  for (Predictions& one : predictions) one.by_point.resize(3, rows.pen_mm.cols());
-  Progress progress("networks on recordings", static_cast<std::size_t>(plan.steps) * (kFolds + 1) * (pack ? 4 : 3));
-  const auto tick = [&] {
+  for (Predictions& one : predictions) {
+    one.by_point.resize(3, static_cast<Eigen::Index>(count));
+    one.steps.resize(static_cast<std::size_t>(trainings));
+  }
+  Progress progress("networks on recordings", methods.size() * static_cast<std::size_t>(trainings));
+  const auto tick = [] {
     if (interrupted()) throw Interrupted();
-    progress.advance();
   };
-  parallel_for(methods.size() * (kFolds + 1), [&](std::size_t work) {
-    const std::size_t m = work / (kFolds + 1);
-    const int fold = static_cast<int>(work % (kFolds + 1)) - 1;  // -1: the random split
-    const Split split =
-        fold < 0 ? random_split(rows.poses.size(), plan.seed) : group_split(rows.point, kFolds, fold, plan.seed);
-    const Eigen::MatrixXf answer = methods[m].learner(split.train, split.test, tick);
-    if (fold < 0) {
-      predictions[m].random = split;
-      predictions[m].at_random = answer;
-      return;
+  parallel_for(methods.size() * static_cast<std::size_t>(trainings), [&](std::size_t work) {
+    const std::size_t m = work / static_cast<std::size_t>(trainings);
+    const int kind = static_cast<int>(work % static_cast<std::size_t>(trainings));
+    Split split;
+    if (kind < kFolds) {
+      split = group_split(point, kFolds, kind, plan.seed);
+    } else if (kind == kFolds) {
+      split = random_split(count, plan.seed);
+    } else {
+      for (std::size_t row = 0; row < rows.poses.size(); ++row) (row < count ? split.train : split.test).push_back(row);
     }
-    for (std::size_t i = 0; i < split.test.size(); ++i) {
-      predictions[m].by_point.col(static_cast<Eigen::Index>(split.test[i])) = answer.col(static_cast<Eigen::Index>(i));
+    const Trained answer = train_and_predict(methods[m], rows, split, kind != kFolds, plan, tick);
+    Predictions& into = predictions[m];
+    into.steps[static_cast<std::size_t>(kind)] = answer.steps;
+    progress.advance();
+    if (kind == kFolds) {
+      into.random = split;
+      into.at_random = answer.predicted;
+    } else if (kind > kFolds) {
+      into.other = answer.predicted;
+    } else {
+      for (std::size_t i = 0; i < split.test.size(); ++i) {
+        into.by_point.col(static_cast<Eigen::Index>(split.test[i])) =
+            answer.predicted.col(static_cast<Eigen::Index>(i));
+      }
     }
   });
   std::vector<RecordingScore> scores;
-  for (std::size_t m = 0; m < methods.size(); ++m) scores.push_back(score(methods[m].name, rows, predictions[m]));
+  for (std::size_t m = 0; m < methods.size(); ++m) {
+    scores.push_back(score(methods[m].name, rows, static_cast<Eigen::Index>(count), predictions[m]));
+  }
   return scores;
 }
 

@@ -113,3 +113,15 @@ TEST_CASE("identify: pushes of a recording start at the row of least motion, and
     CHECK(push.poses.plates[kTopPlate].displacement_mm.norm() < 40);
   }
 }
+
+TEST_CASE("identify: says when it changed nothing, and why") {
+  const FingerSpec spec = column_spec(4, 4, 10);
+  std::vector<RecordedPush> pushes = {pushes_on(spec).front()};
+  pushes[0].poses.plates[kTopPlate].rotation_rad.setZero();  // nothing moves like that
+  pushes[0].poses.plates[kTopPlate].displacement_mm = Vec3f(0, 3, 0);
+  const Identification found = identify_spec(spec, pushes, column);
+  for (const IdentifiedNumber& number : found.numbers) CHECK(number.after == doctest::Approx(number.before));
+  CHECK_FALSE(found.changed);
+  CHECK(found.why_unchanged == "the recordings determine none of them");
+  CHECK(identify_spec(spec, pushes_on(column_spec(3.4, 4.4, 10)), column).changed);
+}
