@@ -13,6 +13,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer("exit codes: 0 done, 1 failed at work or interrupted, 2 bad input or usage");
   host::add_build_command(app);
+  host::add_new_command(app);
+  host::add_probe_command(app);
   host::add_mesh_command(app);
   host::add_dataset_command(app);
   host::add_merge_command(app);
@@ -31,6 +33,7 @@ int main(int argc, char** argv) {
   host::add_identify_command(app);
   host::add_calibrate_command(app);
   host::add_mount_command(app);
+  host::add_jig_command(app);
   host::catch_interrupts();
   try {
     app.parse(argc, argv);  // runs the subcommand's callback

@@ -2,6 +2,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <memory>
@@ -9,6 +10,7 @@
 #include "firmware/input_error.h"
 #include "firmware/loop/self_test.h"
 #include "hostgen/commands/commands.h"
+#include "hostgen/commands/mesh_report.h"
 #include "hostgen/fem/shape_model.h"
 #include "hostgen/finger/mount.h"
 #include "hostgen/learn/scene_touches.h"
@@ -16,6 +18,7 @@
 #include "hostgen/learn/shape_truth.h"
 #include "hostgen/learn/touch_training.h"
 #include "hostgen/pack/model_pack.h"
+#include "hostgen/probe/probe.h"
 #include "hostgen/report/build_figures.h"
 #include "hostgen/util/common.h"
 #include "hostgen/util/stopwatch.h"
@@ -26,7 +29,7 @@ namespace {
 
 struct Options {
   std::filesystem::path spec, output, dataset, save_dataset;
-  std::string profile = "quick", scene;
+  std::string profile = "quick", scene, size = "default";
   int points = 0, forces = 0, training_steps = 0;  // 0: the profile's
   std::uint64_t seed = 1;
 };
@@ -161,6 +164,32 @@ std::vector<float> motion_per_g(const LinearResponse& response) {
   return {per_g.data(), per_g.data() + per_g.size()};
 }
 
+/// What the work will be like, before it begins; throws InputError if nothing can come of it.
+void look_before(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile) {
+  const Probe probe = probe_finger(spec, mesh);
+  const double states = static_cast<double>(path_count(profile.dataset)) * profile.dataset.forces;
+  const auto cores = static_cast<double>(usable_cores());
+  std::printf(
+      "%sprobed in %.0f s: %.0f states of %.1f s, about %.0f min on %.0f cores, and %.0f MB for each core's factor\n",
+      probe_text(probe).c_str(), probe.seconds, states, probe.state_cpu_s,
+      std::ceil(states * probe.state_cpu_s / cores / 60), cores, probe.factor_mb);
+  std::fflush(stdout);
+  check_worth_building(spec, probe);
+}
+
+/// The pack's reader would refuse the range after all the work.
+void check_moves_plates(const FingerSpec& spec, const FemDataset& dataset) {
+  double most_mm = 0;
+  for (const FemState& state : dataset.states) {
+    if (state.valid()) most_mm = std::max(most_mm, plate_motion_mm(state));
+  }
+  if (most_mm >= spec.threshold_mm) return;
+  throw InputError(spec.file.string(), "touch.threshold_mm",
+                   std::to_string(spec.threshold_mm) + " mm, but no state moves a plate further than " +
+                       std::to_string(most_mm) + " mm",
+                   "a threshold that touches exceed (`hostgen probe` proposes one)");
+}
+
 void run(const Options& options) {
   Parts parts;
   parts.spec = read_finger_spec(options.spec);
@@ -169,9 +198,9 @@ void run(const Options& options) {
   check_writable(options.output, used);
   used.push_back(options.output);
   if (!options.save_dataset.empty()) check_writable(options.save_dataset, used);
-  const TetMesh mesh = make_mesh(parts.spec);
-  std::printf("mesh: %zu nodes, %zu tets, smallest dihedral angle %.1f deg\n", mesh.node_mm.size(), mesh.tets.size(),
-              mesh.min_dihedral_deg);
+  const TetMesh mesh = make_mesh(parts.spec, kMeshSizes.at(options.size));
+  print_mesh(mesh);
+  if (options.dataset.empty()) look_before(parts.spec, mesh, profile);
   parts.shape = make_shape_model(mesh);
 
   BuildFigures figures{.profile = options.profile};
@@ -184,13 +213,16 @@ void run(const Options& options) {
   }
   figures.fem_states = dataset.states.size();
   figures.fem_too_far = dataset.count(Outcome::kPushedTooFar);
-  figures.fem_failed = dataset.count(Outcome::kNoEquilibrium);
-  std::printf("finite elements: %zu states, %zu of them pushed too far, %zu without equilibrium, %.1f s\n",
-              figures.fem_states, figures.fem_too_far, figures.fem_failed, figures.fem_seconds);
+  const std::size_t not_converged = dataset.count(Outcome::kNotConverged);
+  figures.fem_failed = dataset.count(Outcome::kNoEquilibrium) + not_converged;
+  std::printf("finite elements: %zu states, %zu of them pushed too far, %zu buckled, %zu not converged, %.1f s\n",
+              figures.fem_states, figures.fem_too_far, figures.fem_failed - not_converged, not_converged,
+              figures.fem_seconds);
   figures.deformation = measure_deformation_rise(dataset, parts.shape.front_nodes);
   figures.rated_deformation_mm = parts.spec.rated_deformation_mm;
   std::printf("%s\n", deformation_text(figures.deformation, figures.rated_deformation_mm).c_str());
 
+  check_moves_plates(parts.spec, dataset);
   if (!options.save_dataset.empty()) write_dataset(options.save_dataset, dataset);
   parts.scene = dataset.plan.scene;
 
@@ -230,6 +262,11 @@ void add_build_command(CLI::App& app) {
                       "states made earlier by hostgen dataset or merge, instead of the profile's; without it they are "
                       "computed, and an interrupted run continues from OUTPUT.paths");
   command->add_option("--save-dataset", options->save_dataset, "keep the states in this file (.safetensors)");
+  command
+      ->add_option("--size", options->size,
+                   "of the mesh: coarse, default, medium or fine; a dataset needs the size it was made with")
+      ->check(CLI::IsMember(kMeshSizes))
+      ->capture_default_str();
   command->add_option("--points", options->points, "touched points, instead of the profile's")
       ->check(CLI::Range(10, 5000));
   command->add_option("--forces", options->forces, "forces per point, instead of the profile's")

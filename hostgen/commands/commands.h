@@ -26,5 +26,8 @@ void add_force_command(CLI::App& app);
 void add_identify_command(CLI::App& app);
 void add_calibrate_command(CLI::App& app);
 void add_mount_command(CLI::App& app);
+void add_jig_command(CLI::App& app);
+void add_new_command(CLI::App& app);
+void add_probe_command(CLI::App& app);
 
 }  // namespace finsight::host

@@ -5,6 +5,7 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/commands/commands.h"
+#include "hostgen/commands/mesh_report.h"
 #include "hostgen/fem/dataset.h"
 #include "hostgen/fem/deformation.h"
 #include "hostgen/util/common.h"
@@ -15,7 +16,7 @@ namespace {
 
 struct Options {
   std::filesystem::path spec, output;
-  std::string shard, scene;
+  std::string shard, scene, size = "default";
   DatasetPlan plan;
 };
 
@@ -30,9 +31,10 @@ Shard parse_shard(const std::string& text) {
 }
 
 void print_summary(const std::filesystem::path& file, const FemDataset& dataset) {
-  std::printf("%s: %zu states: %zu valid, %zu pushed too far, %zu without equilibrium; %zu of other scenes\n",
+  std::printf("%s: %zu states: %zu valid, %zu pushed too far, %zu buckled, %zu not converged; %zu of other scenes\n",
               file.c_str(), dataset.states.size(), dataset.count(Outcome::kEquilibrium),
-              dataset.count(Outcome::kPushedTooFar), dataset.count(Outcome::kNoEquilibrium), dataset.others.size());
+              dataset.count(Outcome::kPushedTooFar), dataset.count(Outcome::kNoEquilibrium),
+              dataset.count(Outcome::kNotConverged), dataset.others.size());
 }
 
 void run(const Options& options) {
@@ -45,7 +47,8 @@ void run(const Options& options) {
   const std::filesystem::path resume = options.output.string() + ".paths";
   DatasetPlan plan = options.plan;
   plan.scene = spec.scene(options.scene.empty() ? spec.trained_scene : options.scene).name;
-  const TetMesh mesh = make_mesh(spec);
+  const TetMesh mesh = make_mesh(spec, kMeshSizes.at(options.size));
+  print_mesh(mesh);
   const FemDataset dataset = make_dataset(spec, mesh, plan, shard, resume);
   write_dataset(options.output, dataset);
   std::filesystem::remove_all(resume);
@@ -73,6 +76,9 @@ void add_dataset_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--forces", options->plan.forces, "forces per point, over the spec's range")
       ->check(CLI::Range(1, 200))
+      ->capture_default_str();
+  command->add_option("--size", options->size, "of the mesh: coarse, default, medium or fine")
+      ->check(CLI::IsMember(kMeshSizes))
       ->capture_default_str();
   command->add_option("--scene", options->scene,
                       "which contacts: probe, grasp, two or another of the spec's scenes "

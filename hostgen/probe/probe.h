@@ -1,0 +1,52 @@
+// A look at a finger before the long work: nine places, pushed as hard as the spec says or as the finger bears. Says in
+// two minutes which numbers of a spec to change, and why.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "hostgen/fem/dataset.h"
+#include "hostgen/fem/pushed_finger.h"
+
+namespace finsight::host {
+
+/// One place of the face, pushed along its normal (scene probe).
+struct ProbedPlace {
+  Vec3f point_mm = Vec3f::Zero();
+  std::vector<FemState> states;         ///< equilibria within 20 mm, from the weakest push up; front_rms_mm is set
+  double full_n = 0;                    ///< the force that was wanted
+  Outcome end = Outcome::kEquilibrium;  ///< of the lowest force that went wrong, if one did
+  double failed_n = 0;                  ///< that force
+  bool cut_short = false;               ///< the time was over before all was tried
+
+  double borne_n() const { return states.empty() ? 0 : static_cast<double>(states.back().force_n); }
+};
+
+/// The furthest that any plate moves: what touch.threshold_mm is compared with.
+double plate_motion_mm(const FemState& state);
+
+struct Probe {
+  std::vector<ProbedPlace> places;
+  double seconds = 0, state_cpu_s = 0;  ///< wall time; processor time per state, factorisations included
+  double factor_mb = 0;                 ///< memory of one factor; every thread has one
+};
+
+/// Pushes the places of jig_holes() with half of the spec's highest force and all of it; where that fails, with half as
+/// much, and so on down to kWeakestPush_n, then between. All cores, progress; begins nothing new after `limit_s`.
+/// Throws Interrupted.
+Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s = 100);
+
+/// Throws InputError naming the field to change if a pack of this finger could not come to be: nowhere an equilibrium,
+/// or no plate moves as far as touch.threshold_mm.
+void check_worth_building(const FingerSpec& spec, const Probe& probe);
+
+/// A table of the places, for people.
+std::string probe_text(const Probe& probe);
+/// What the spec should say: [touch] and the plates' range and noise, each with its reason, as TOML to paste.
+std::string proposal_text(const FingerSpec& spec, const Probe& probe);
+
+/// Standard deviations of the plates' motions as the camera of 640x480 measures them all together, if corners scatter
+/// by 0.05 pixels and plates move as in the probe.
+std::array<PoseNoise, kPlates> expected_noise(const FingerSpec& spec, const Probe& probe);
+
+}  // namespace finsight::host
