@@ -71,14 +71,15 @@ void write_frame(const fs::path& file, const TetMesh& mesh, const ContactForces&
 
 std::string csv_rows(std::size_t number, double time_s, const ContactForces& found) {
   std::string rows;
-  char line[256];
+  char line[320];
   for (std::size_t i = 0; i < found.contacts.size(); ++i) {
     const Contact& c = found.contacts[i];
-    std::snprintf(line, sizeof line, "%zu,%.6f,%zu,%.3f,%.3f,%.3f,%.4f,%.4f,%.4f,%.2f,%.2f,%d\n", number, time_s, i,
-                  static_cast<double>(c.point_mm.x()), static_cast<double>(c.point_mm.y()),
+    std::snprintf(line, sizeof line, "%zu,%.6f,%zu,%.3f,%.3f,%.3f,%.4f,%.4f,%.4f,%.2f,%.2f,%d,%d,%.4f,%.4f,%.4f\n",
+                  number, time_s, i, static_cast<double>(c.point_mm.x()), static_cast<double>(c.point_mm.y()),
                   static_cast<double>(c.point_mm.z()), c.force_n, c.uncertainty.lowest_force_n,
                   c.uncertainty.highest_force_n, c.uncertainty.position_95_mm, c.uncertainty.extent_95_mm,
-                  found.explained ? 1 : 0);
+                  found.explained ? 1 : 0, found.converged ? 1 : 0, found.total.force_n, found.total.lowest_n,
+                  found.total.highest_n);
     rows += line;
   }
   return rows;
@@ -108,15 +109,16 @@ void run(const Options& options) {
   std::string csv =
       "frame,time_s,contact,point_x_mm,point_y_mm,point_z_mm,force_n,lowest_force_n,highest_force_n,position_95_mm,"
       "extent_95_mm,"
-      "explained\n";
-  std::size_t touched = 0, unexplained = 0;
+      "explained,converged,total_force_n,lowest_total_n,highest_total_n\n";
+  std::size_t touched = 0, unexplained = 0, not_converged = 0;
   {
     Progress progress("contact forces", frames.poses.size());
     for (std::size_t i = 0; i < frames.poses.size(); ++i) {
       if (interrupted()) throw Interrupted();
       const ContactForces found = solver.gauss_newton(frames.poses[i]);
       touched += !found.contacts.empty();
-      unexplained += !found.explained;
+      unexplained += found.converged && !found.explained;
+      not_converged += !found.converged;
       write_frame(options.output / frame_name(frames.number[i]), mesh, found, solver.inward());
       csv += csv_rows(frames.number[i], static_cast<double>(frames.number[i]) / frames.per_second, found);
       progress.advance();
@@ -124,8 +126,10 @@ void run(const Options& options) {
   }
   write_file_atomically(options.output / "contacts.csv", csv);
   write_file_atomically(options.output / "force.pvd", collection(frames));
-  std::printf("%s: %zu frames, touched in %zu; in %zu pushes on the face do not explain the plates (explained = 0)\n",
-              options.output.c_str(), frames.poses.size(), touched, unexplained);
+  std::printf(
+      "%s: %zu frames, touched in %zu; in %zu pushes on the face do not explain the plates (explained = 0); in %zu the "
+      "solver did not converge (converged = 0), and nothing is known\n",
+      options.output.c_str(), frames.poses.size(), touched, unexplained, not_converged);
 }
 
 }  // namespace
@@ -135,7 +139,9 @@ void add_force_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "force",
       "estimate contact forces of a session: frames for ParaView (force.pvd) and contacts.csv, which says of every "
-      "contact what else it could be (95 %): a push position_95_mm away, or a pressure that extends over extent_95_mm");
+      "contact what else it could be (95 %): a push position_95_mm away, or a pressure that extends over extent_95_mm; "
+      "and of all contacts together between "
+      "which forces their sum is");
   command->add_option("session", options->session, "session folder (hostgen render and boards record them)")
       ->required();
   command->add_option("--spec", options->spec, "finger spec (TOML)")->required();

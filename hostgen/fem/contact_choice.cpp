@@ -290,6 +290,30 @@ ContactChoice fewest_contacts(const PushResponse& response, const VectorXd& goal
   return choice;
 }
 
+TotalForce total_force(const PushResponse& response, const VectorXd& goal, const ContactChoice& choice) {
+  TotalForce total;
+  const Index count = choice.force_n.size();
+  if (count == 0) return total;
+  total.force_n = choice.force_n.sum();
+  // As points, and as what they may be if they are spread.
+  const MatrixXd near = covariance(derivatives(response, choice));
+  const SpreadPushes spread(response, choice);
+  const MatrixXd wide = (MatrixXd(spread.M.transpose() * spread.M) + MatrixXd(spread.known.asDiagonal())).inverse();
+  const VectorXd change =
+      wide * (spread.M.transpose() * (goal - responses(response, choice.place_mm) * choice.force_n));
+  VectorXd points = VectorXd::Zero(near.rows()), patches = VectorXd::Zero(wide.rows());
+  for (Index i = 0; i < count; ++i) {
+    points[3 * i + 2] = 1;
+    patches[SpreadPushes::kEach * i + 2] = 1;
+  }
+  const double as_points_n = 2 * std::sqrt(points.dot(near * points));
+  const double spread_n = total.force_n + patches.dot(change),
+               as_patches_n = 2 * std::sqrt(patches.dot(wide * patches));
+  total.lowest_n = std::max(0.0, std::min(total.force_n - as_points_n, spread_n - as_patches_n));
+  total.highest_n = std::max(total.force_n + as_points_n, spread_n + as_patches_n);
+  return total;
+}
+
 // Points, or what they may be if they are spread: their force's range is that of both.
 std::vector<ContactUncertainty> contact_uncertainties(const PushResponse& response, const VectorXd& goal,
                                                       const ContactChoice& choice) {

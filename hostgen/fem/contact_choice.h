@@ -41,4 +41,11 @@ struct ContactUncertainty {
 std::vector<ContactUncertainty> contact_uncertainties(const PushResponse& response, const Eigen::VectorXd& goal,
                                                       const ContactChoice& choice);
 
+/// What the measurement tells of the sum of all forces, at 95 %: more than of each, because a push that is taken for
+/// stronger makes its neighbours weaker.
+struct TotalForce {
+  double force_n = 0, lowest_n = 0, highest_n = 0;
+};
+TotalForce total_force(const PushResponse& response, const Eigen::VectorXd& goal, const ContactChoice& choice);
+
 }  // namespace finsight::host

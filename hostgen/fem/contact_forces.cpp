@@ -181,6 +181,46 @@ bool ContactForceSolver::Problem::iterate(ContactChoice& choice, VectorXd& aim, 
   return false;
 }
 
+/// To the equilibrium under `times` the forces, if there is one near.
+void ContactForceSolver::Problem::grow(const ContactChoice& choice, double times) {
+  BodyVector target = finger.zero();
+  for (Index i = 0; i < choice.force_n.size(); ++i) {
+    finger.add_push(finger.at(choice.place_mm.col(i)), times * choice.force_n[i], target);
+  }
+  ElasticState grown = state;
+  std::fill(step.begin(), step.end(), 0.0);
+  finger.body.stresses(grown.u, step, grown.stress);
+  if (equilibrium.solve(target, grown)) state = std::move(grown);
+}
+
+// The measured motion in ever more parts, each from the equilibrium under the forces of the part before, grown as the
+// motion grows. It follows the finger as it was
+// pressed: where it turns far, one leap from a mixture of other states may lead nowhere.
+bool ContactForceSolver::Problem::approach(const PlatePoses& measured, ContactChoice& choice, VectorXd& aim,
+                                           const ProcessorTime& time, ContactForces& result) {
+  bool arrived = false;
+  for (const int parts : {4, 12, 36}) {
+    state = finger.rest;
+    choice = {};
+    arrived = true;
+    for (int k = 1; k <= parts && arrived; ++k) {
+      PlatePoses part = measured;
+      const float share = static_cast<float>(k) / static_cast<float>(parts);
+      for (PlateMotion& plate : part.plates) {
+        plate.displacement_mm *= share;
+        plate.rotation_rad *= share;
+      }
+      errors.set_measured(part);
+      result.curve.push_back({time.seconds(), 0.5 * errors.at(state.u).squaredNorm()});
+      arrived = iterate(choice, aim, time, result);
+      if (arrived && k < parts) grow(choice, (k + 1.0) / k);
+    }
+    if (arrived) break;
+  }
+  errors.set_measured(measured);
+  return arrived;
+}
+
 ContactForceSolver::ContactForceSolver(const FingerSpec& spec, const TetMesh& mesh, int candidates, int starts)
     : problem_(std::make_unique<Problem>(spec, mesh, candidates, starts)) {}
 ContactForceSolver::~ContactForceSolver() = default;
@@ -202,8 +242,13 @@ ContactForces ContactForceSolver::gauss_newton(const PlatePoses& measured) {
     }
     result.converged = p.finger.press(p.equilibrium, target, p.state) && p.iterate(choice, aim, time, result);
   }
+  if (!result.converged) {
+    result.in_parts = true;
+    result.converged = p.approach(measured, choice, aim, time, result);
+  }
   result.misfit = 2 * result.curve.back().objective;
   result.explained = result.converged && noise_explains(result.misfit, measured);
+  result.total = total_force(p.response, aim, choice);
   const std::vector<ContactUncertainty> uncertainties = contact_uncertainties(p.response, aim, choice);
   for (Index i = 0; i < choice.force_n.size(); ++i) {
     const FacePoint at = p.finger.at(choice.place_mm.col(i));

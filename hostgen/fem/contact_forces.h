@@ -21,10 +21,13 @@ struct ContactForces {
   Eigen::VectorXd force_n;        ///< of every candidate point
   /// Sum of squares of the plate numbers' errors, each over its standard deviation in the spec: about 18 for noise.
   double misfit = 0;
-  /// Noise alone explains the misfit (99.9 %). Otherwise something other than pushes on the face moved the plates.
+  TotalForce total;  ///< of all contacts (Gauss-Newton)
+  /// Noise alone explains the misfit (99.9 %). Otherwise something other than pushes on the face moved the plates, if
+  /// the method has converged; if not, nothing is known.
   bool explained = false;
   bool converged = false;
-  double seconds = 0;  ///< processor time, with the uncertainty (Gauss-Newton)
+  bool in_parts = false;  ///< one leap did not converge: the measured motion was followed from rest in parts
+  double seconds = 0;     ///< processor time, with the uncertainty (Gauss-Newton)
   struct Progress {
     double seconds = 0;    ///< processor time since the start
     double objective = 0;  ///< half of the misfit
@@ -44,8 +47,8 @@ class ContactForceSolver {
 
   /// Gauss-Newton on displacements and forces at once, forces not negative, as few contacts as explain the plates. An
   /// iteration needs one factor of the tangent and 18 solves with it, whatever the number of candidates; it starts from
-  /// the mixture of prepared equilibria that moves the plates most like `measured`. Plates that are not seen are
-  /// ignored.
+  /// the mixture of prepared equilibria that moves the plates most like `measured`; where that does not converge, it
+  /// follows the measured motion from rest in parts. Plates that are not seen are ignored.
   ContactForces gauss_newton(const PlatePoses& measured);
   /// The paper's method: L-BFGS on the forces with the adjoint gradient, from rest; forces of either sign.
   ContactForces lbfgs(const PlatePoses& measured, int iterations);

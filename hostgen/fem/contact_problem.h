@@ -41,6 +41,9 @@ struct ContactForceSolver::Problem {
   bool linearise();
   Eigen::VectorXd goal() const;
   bool chord(const ContactChoice& choice);
+  void grow(const ContactChoice& choice, double times);
+  bool approach(const PlatePoses& measured, ContactChoice& choice, Eigen::VectorXd& aim, const ProcessorTime& time,
+                ContactForces& result);
   bool iterate(ContactChoice& choice, Eigen::VectorXd& aim, const ProcessorTime& time, ContactForces& result);
 };
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "hostgen/util/random.h"
 #include "tests/fem/box_mesh.h"
 
 using namespace finsight;
@@ -158,4 +159,53 @@ TEST_CASE_FIXTURE(Fixture, "contact forces: an answer does not depend on what wa
   REQUIRE(first.contacts.size() == again.contacts.size());
   CHECK(first.contacts[0].force_n == again.contacts[0].force_n);
   CHECK(first.node_displacement_mm == again.node_displacement_mm);
+}
+
+TEST_CASE("contact forces: a strong push that one leap does not reach is followed from rest in parts") {
+  const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
+  ContactForceSolver solver(spec, make_mesh(spec, MeshSize::kCoarse), 120, 12);
+  for (const FaceForce& push :
+       {FaceForce{{-6, 32, 0}, 6}, FaceForce{{12, 56, 0}, 4}, FaceForce{{12, 68, 0}, 6}, FaceForce{{12, 80, 0}, 6}}) {
+    CAPTURE(push.point_mm.transpose());
+    REQUIRE(solver.press({push}));
+    const ContactForces found = solver.gauss_newton(solver.plates());
+    CHECK(found.in_parts);
+    CHECK(found.converged);
+    CHECK(found.explained);
+    REQUIRE(found.contacts.size() == 1);
+    CHECK(static_cast<double>((found.contacts[0].point_mm - push.point_mm).head<2>().norm()) < 1);
+    CHECK(found.contacts[0].force_n == doctest::Approx(push.force_n).epsilon(0.02));
+  }
+}
+
+TEST_CASE_FIXTURE(Fixture,
+                  "contact forces: the sum of two is told better than each, and holds the truth as often as it says") {
+  const PlatePoses exact = plates_under(kTwo);
+  const PoseVectorOf<double> sigma = pose_noise(noisy_spec().noise);
+  Random random(3);
+  int inside = 0, narrower = 0, compared = 0;
+  constexpr int kTrials = 40;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    PlatePoses noisy = exact;
+    for (int p = 0; p < kPlates; ++p) {
+      PlateMotion& plate = noisy.plates[static_cast<std::size_t>(p)];
+      for (int i = 0; i < 3; ++i) {
+        plate.displacement_mm[i] += static_cast<float>(sigma[6 * p + i] * random.normal());
+        plate.rotation_rad[i] += static_cast<float>(sigma[6 * p + 3 + i] * random.normal());
+      }
+    }
+    const ContactForces found = solver.gauss_newton(noisy);
+    inside += found.total.lowest_n <= 0.4 && found.total.highest_n >= 0.4;
+    if (found.contacts.size() != 2) continue;
+    double doubt_n = 0;
+    for (const Contact& contact : found.contacts) {
+      doubt_n += contact.uncertainty.highest_force_n - contact.uncertainty.lowest_force_n;
+    }
+    ++compared;
+    narrower += found.total.highest_n - found.total.lowest_n < doubt_n;
+    CHECK(found.total.force_n == doctest::Approx(found.contacts[0].force_n + found.contacts[1].force_n));
+  }
+  CHECK(inside >= 0.9 * kTrials);
+  REQUIRE(compared > 0);
+  CHECK(narrower == compared);
 }
