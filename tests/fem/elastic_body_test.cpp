@@ -45,7 +45,7 @@ TEST_CASE("elastic body: the tangent is the derivative of the forces") {
   beam.body.stresses(u, none, stress);
   const CholeskyPlanData& plan = beam.body.plan();
   std::vector<float> blocks(9 * plan.pattern_row.size());
-  beam.body.tangent(u, stress, blocks);
+  beam.body.tangent(u, stress, std::span<float>(blocks));
 
   // Columns of the tangent, gathered from its lower blocks, against central differences.
   constexpr double kStep_mm = 1e-5;
