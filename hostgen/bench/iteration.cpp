@@ -89,7 +89,7 @@ Iteration sparse_iteration(const ShapeModel& model, std::span<const double> node
   return [work, name] {
     Work& w = *work;
     IterationTime time;
-    Stopwatch watch;
+    ProcessorStopwatch watch;
     w.derivatives.compute();
     w.hessian.fill(w.derivatives.cholesky.values());
     time.derivatives_us = watch.lap_us();
@@ -125,7 +125,7 @@ Iteration our_iteration(const ShapeModel& model, std::span<const double> node_mm
     const FlushDenormals flush;
     Work& w = *work;
     IterationTime time;
-    Stopwatch watch;
+    ProcessorStopwatch watch;
     w.derivatives.compute();
     time.derivatives_us = watch.lap_us();
     if (!solve_free_step<S>(w.derivatives.cholesky, true, w.derivatives.free_offset, w.derivatives.gradient, w.solution,

@@ -23,7 +23,7 @@ double multiply_adds_per_us() {
   V factor = simd::splat<V>(0.999), addend = simd::splat<V>(0.5);
   asm volatile("" : "+m"(factor), "+m"(addend));
   const V a = factor, b = addend;
-  Stopwatch watch;
+  ProcessorStopwatch watch;
   for (int turn = 0; turn < kTurns; ++turn) {
 #pragma GCC unroll 12
     for (int k = 0; k < kSums; ++k) sum[k] = sum[k] * a + b;
@@ -36,7 +36,7 @@ double multiply_adds_per_us() {
 double bytes_per_us(const std::vector<float>& numbers) {
   constexpr std::size_t kSums = 8;
   V sum[kSums] = {};
-  Stopwatch watch;
+  ProcessorStopwatch watch;
   for (std::size_t i = 0; i + kSums * kLanes <= numbers.size(); i += kSums * kLanes) {
 #pragma GCC unroll 8
     for (std::size_t k = 0; k < kSums; ++k) sum[k] += simd::load(&numbers[i + k * kLanes]);

@@ -56,8 +56,9 @@ double factor_bytes(const CholeskyPlanData& plan) {
   return entries * sizeof(float);
 }
 
-/// Runs the methods in turn, round by round, so that other load on the machine affects all of them. The shortest
-/// iteration of each counts, because other load only adds time; median and quartiles of all tell how much it did.
+/// Runs the methods in turn, round by round, so that other load on the machine affects all of them. Processor time
+/// counts, and the shortest iteration of each, because other load only adds to it; median and quartiles of all tell how
+/// much it did.
 json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, Iteration>>& ways, int rounds) {
   constexpr double kTurn_us = 30'000;
   std::vector<IterationTime> best(ways.size());

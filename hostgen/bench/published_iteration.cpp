@@ -117,7 +117,7 @@ Iteration published_iteration(const ShapeModel& soft, std::span<const double> no
   const auto finger = std::make_shared<PublishedFinger>(soft, node_mm);
   return [finger] {
     IterationTime time;
-    Stopwatch watch;
+    ProcessorStopwatch watch;
     finger->derivatives();
     time.derivatives_us = watch.lap_us();
     if (!finger->factor()) throw std::runtime_error("bench: the published method's factorisation fails");

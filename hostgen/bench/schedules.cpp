@@ -53,7 +53,7 @@ ScheduleResult run_schedule(const ShapeModel& model, const MountModel& mount, co
   ScheduleResult result;
   for (std::size_t k = 0; k < motion.frames.size(); ++k) {
     if (interrupted()) throw Interrupted();
-    Stopwatch watch;
+    ProcessorStopwatch watch;
     const bool ok = solver.solve(motion.frames[k], factorisations, chord_steps).ok;
     us.push_back(watch.lap_us());
     if (!ok) throw std::runtime_error("bench: " + motion.name + ": frame " + std::to_string(k) + " has no shape");

@@ -47,11 +47,11 @@ json solver(const Options& options, const Model& model) {
 
 json touch(const Options& options, const Model& model) {
   const json built = read_build_figures(options.pack)["touch"];
-  if (options.dataset.empty()) return measure_touch(built, model, nullptr, nullptr, options.folder, options.quick);
+  if (options.dataset.empty()) return measure_touch(built, model, nullptr, nullptr, options.quick);
   const FingerSpec spec = read_finger_spec(options.spec);
   const FemDataset dataset = read_dataset(options.dataset);
   check_complete(dataset, spec, make_mesh(spec), options.dataset);
-  return measure_touch(built, model, &spec, &dataset, options.folder, options.quick);
+  return measure_touch(built, model, &spec, &dataset, options.quick);
 }
 
 json modbus(const Options& options, const Model&) {

@@ -43,10 +43,10 @@ nlohmann::json measure_pictures(const Model& model, const FingerSpec& spec, bool
 /// condition: distance, tilt, blur, noise, light, preset; the firmware's edges beside OpenCV's cornerSubPix.
 nlohmann::json measure_corners(const FingerSpec& spec, bool quick);
 
-/// `built`: the figures of the build. With the finger's spec and states also the paper's table 2, and how well the
-/// shape is known at the touched point; null without. Plots touch_error.svg and touch_calibration.svg into `folder`.
+/// `built`: the figures of the build. With the finger's spec and states also the paper's table 2, how well the shape is
+/// known at the touched point, and touch errors over the face and by plate motion on new states; null without.
 nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, const FingerSpec* spec,
-                             const FemDataset* dataset, const std::filesystem::path& folder, bool quick);
+                             const FemDataset* dataset, bool quick);
 
 /// The pack's touches in every case that a gripper brings (scene_cases.h): share published, errors, coverage, what is
 /// unexplained; and what plate motions can tell at best. Plots scene_faces.svg and scene_reliability.svg into `folder`.

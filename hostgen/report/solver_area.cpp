@@ -53,7 +53,7 @@ json measure(const Model& model, const Schedule& schedule, const PlateMotionPath
   std::vector<double> us;
   ShapeDistance total;
   for (std::size_t k = 0; k < motion.frames.size(); ++k) {
-    Stopwatch watch;
+    ProcessorStopwatch watch;
     const FingerShape& shape = stage.solve(motion.frames[k]);
     us.push_back(watch.lap_us());
     const ShapeDistance d = shape.node_mm.empty() ? measures_distance(model.shape, shape, truth[k])

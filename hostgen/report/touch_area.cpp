@@ -1,11 +1,10 @@
-// Area touch: what the build measured, the paper's table 2, shapes at the touched point, and the plots of them.
+// Area touch: what the build measured, the paper's table 2, shapes at the touched point, errors over the face.
 #include <nlohmann/json.hpp>
 
 #include "hostgen/learn/shape_at_touch.h"
 #include "hostgen/learn/touch_comparison.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/report/touch_map.h"
-#include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
 
@@ -56,51 +55,11 @@ json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& da
   return figures;
 }
 
-// Plots mean and 95th percentile of the error, and the share of errors inside the published radius.
-void plot_touch(const json& touch, const std::filesystem::path& folder) {
-  const json& bands = touch.at("by_plate_motion");
-  if (bands.empty()) return;
-  Gnuplot error(folder / "touch_error.svg");
-  error.line("$bands << E");
-  for (const json& band : bands) {
-    error.line("'from " + std::to_string(band.at("from_mm").get<int>()) + " mm' " + band.at("mean_mm").dump() + " " +
-               band.at("error_95_mm").dump());
-  }
-  error.line(
-      "E\nset style data histograms; set style fill solid 0.6; set logscale y; set grid ytics; set yrange [0.1:*]");
-  error.line("set xlabel 'plate motion'; set ylabel 'error of the touched point, mm (held-out points, noise)'");
-  error.line("plot $bands using 2:xtic(1) title 'mean', '' using 3 title '95 % are smaller'");
-  error.finish();
-
-  Gnuplot calibration(folder / "touch_calibration.svg");
-  calibration.line("$curve << E");
-  double radii = 0;
-  for (const json& share : touch.at("coverage_curve")) {
-    radii += 0.1;
-    calibration.line(std::to_string(radii) + " " + share.dump());
-  }
-  calibration.line("E\n$bands << E");
-  for (const json& band : bands) {
-    calibration.line("1 " + band.at("coverage_68").dump() + " " + band.at("from_mm").dump());
-    calibration.line("2 " + band.at("coverage_95").dump() + " " + band.at("from_mm").dump());
-  }
-  calibration.line("E\n$aim << E\n1 0.68\n2 0.95\nE");
-  calibration.line(
-      "set xlabel 'radius, in published radii'; set ylabel 'share of errors inside'; set grid; set key bottom right");
-  calibration.line("set xrange [0:3]; set yrange [0:1]; set cblabel 'plate motion from, mm'");
-  calibration.line(
-      "plot $curve with lines lw 2 title 'all published touches', $bands using 1:2:3 with points pt 7 palette title "
-      "'by plate "
-      "motion', $aim using 1:2:(0.03) with yerrorbars pt 1 lc 'black' title 'aim'");
-  calibration.finish();
-}
-
 }  // namespace
 
 json measure_touch(const json& built, const Model& model, const FingerSpec* spec, const FemDataset* dataset,
-                   const std::filesystem::path& folder, bool quick) {
+                   bool quick) {
   json figures = {{"touch", built}};
-  plot_touch(built, folder);
   if (!spec || !dataset) {
     figures["touch"]["table2"] = {{"why", "no --spec and --dataset were given"}};
     figures["shape"] = {{"why", "no --spec and --dataset were given"}};

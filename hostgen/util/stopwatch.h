@@ -1,6 +1,8 @@
 // How long something took.
 #pragma once
 
+#include <time.h>
+
 #include <chrono>
 
 namespace finsight::host {
@@ -18,6 +20,24 @@ class Stopwatch {
 
  private:
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+/// The same of the processor time of this thread: while other programs have the processor it stands still.
+class ProcessorStopwatch {
+ public:
+  double lap_us() {
+    const double now = now_us(), lap = now - last_us_;
+    last_us_ = now;
+    return lap;
+  }
+
+ private:
+  static double now_us() {
+    timespec now{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return 1e6 * static_cast<double>(now.tv_sec) + 1e-3 * static_cast<double>(now.tv_nsec);
+  }
+  double last_us_ = now_us();
 };
 
 }  // namespace finsight::host

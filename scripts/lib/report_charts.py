@@ -153,7 +153,7 @@ def growth(results, file):
             chart.point(chart.axes[0], tets, ms, f"{METHODS.get(way, way)}, {tets:,} tetrahedra: {ms:.3g} ms — scripts/report solver",
                         marker="o", color=COLOURS.get(way))
     chart.axes[0].set(xscale="log", yscale="log", xlabel="tetrahedra", ylabel="one Newton iteration, ms")
-    chart.axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    _outside(chart, chart.axes[0].get_legend_handles_labels()[0])
     chart.write(file)
 
 
@@ -179,7 +179,7 @@ def parts(results, file):
                 axes.plot([x, x], [y - 0.4, y + 0.4], color="black", lw=2, label=None if y else "factor at the machine's peak")
         left = [a + b for a, b in zip(left, each)]
     axes.set(xlabel="time per tetrahedron, ns", ylabel="tetrahedra")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    _outside(chart, axes.get_legend_handles_labels()[0])
     chart.write(file)
 
 
@@ -200,14 +200,15 @@ def touch_face(results, file):
         told = [row for row in rows if row[key] is not None]
         largest = max(row["error_95_mm"] for row in told)
         for row in told:
-            colour = plt.get_cmap("viridis_r")(min(1, row[key] / largest))
+            colour = plt.get_cmap("viridis_r")(min(1.0, row[key] / largest))
             chart.point(axes, row["x_mm"], row["y_mm"], f"x {row['x_mm']:.1f}, y {row['y_mm']:.1f} mm: {row[key]:.2f} mm, "
-                        f"{row['touches']} touches — scripts/report touch", marker="o", ms=11, color=colour)
-            axes.annotate(f"{row[key]:.1f}", (row["x_mm"], row["y_mm"]), ha="center", va="center", fontsize=6,
+                        f"{row['touches']} touches — scripts/report touch", marker="o", ms=15, color=colour)
+            axes.annotate(f"{row[key]:.1f}", (row["x_mm"], row["y_mm"]), ha="center", va="center", fontsize=7,
                           color="white" if row[key] > largest / 2 else "black")
         for row in rows:
             if row[key] is None:
                 axes.plot(row["x_mm"], row["y_mm"], marker="x", color="#888888")
+        axes.margins(x=0.25, y=0.1)
         axes.set(title=f"{title}, mm", xlabel="x, across, mm", ylabel="y, up from the base, mm", aspect="equal")
     chart.write(file)
 
@@ -222,11 +223,34 @@ def reliability(results, file):
     for k, row in enumerate(rows):
         axes.plot(radii, [100 * share for share in row["inside"]], color=colours(0.9 * k / max(1, len(rows) - 1)),
                   label=f"plate motion from {row['from_mm']:g} mm ({row['touches']:,} touches)")
+    curve = at(results, "touch.coverage_curve") or []
+    axes.plot([(k + 1) / 10 for k in range(len(curve))], [100 * share for share in curve], ":", color="#555555",
+              label="all, points held out at the build")
     for radius, share in ((1, 68), (2, 95)):
         chart.point(axes, radius, share, f"promised: {share} % inside {radius} published radii", marker="o", ms=7, color="black",
                     markerfacecolor="none")
     axes.set(xlabel="radius, in published radii", ylabel="errors inside, %", xlim=(0, radii[-1]), ylim=(0, 101))
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    _outside(chart, axes.get_legend_handles_labels()[0])
+    chart.write(file)
+
+
+def touch_error(results, file):
+    rows = at(results, "touch.by_plate_motion") or []
+    if not rows:
+        return
+    chart = Chart(1, 3.6)
+    axes, places = chart.axes[0], range(len(rows))
+    for key, label, colour in (("mean_mm", "mean", "#1f78b4"), ("error_95_mm", "95 % are smaller", "#d95f02")):
+        axes.plot(places, [row[key] for row in rows], color=colour, label=label)
+        for place, row in zip(places, rows):
+            chart.point(axes, place, row[key], f"from {row['from_mm']:g} mm, {label}: {row[key]:.2f} mm, {row['touches']} touches — "
+                        "scripts/report touch", marker="o", ms=6, color=colour)
+    ends = [f"–{after['from_mm']:g}" for after in rows[1:]] + [" and more"]
+    axes.set_xticks(list(places), [f"{row['from_mm']:g}{end}" for row, end in zip(rows, ends)])
+    axes.set(yscale="log", xlabel="plate motion, mm", ylabel="error of the touched point, mm")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
+    _outside(chart, axes.get_legend_handles_labels()[0])
     chart.write(file)
 
 
@@ -276,6 +300,7 @@ def _draw_surface(axes, faces, nodes, colour, order, displacement=None):
 
 def draw(results, folder):
     for name, chart in (("speed_numerics", numerics), ("speed_model", model), ("speed_registers", registers), ("growth", growth),
-                        ("parts", parts), ("touch_face", touch_face), ("reliability", reliability)):
+                        ("parts", parts), ("touch_face", touch_face), ("reliability", reliability),
+                        ("touch_error", touch_error)):
         chart(results, folder / f"{name}.svg")
     hard_states(folder, folder / "hard_states.svg")

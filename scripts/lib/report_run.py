@@ -63,9 +63,14 @@ class Run:
         return folder
 
     def tool(self, name, *words):
-        """Runs a program of scripts/lib; returns the file with its figures."""
+        """Runs a program of scripts/lib; returns the file with its figures, or with why there are none."""
         file = FOLDER / f"{name}.json"
-        run("/usr/bin/python3", SOURCE / "scripts" / "lib" / f"{name}.py", *words, "--json", file)
+        file.unlink(missing_ok=True)
+        try:
+            run("/usr/bin/python3", SOURCE / "scripts" / "lib" / f"{name}.py", *words, "--json", file)
+        except subprocess.CalledProcessError as error:
+            figures = json.loads(file.read_text()) if file.exists() else {}
+            file.write_text(json.dumps({**figures, "why": f"scripts/lib/{name}.py failed, exit code {error.returncode}"}))
         return file
 
 

@@ -127,9 +127,9 @@ SECTIONS = {
         "text": "The network on contact points that it has not seen, with and without the spec's noise.",
         "pictures": [("touch_face.svg", "Touch errors over the face by contact point: states that the pack was not trained on, with "
                                         "noise, as published; a cross: never published."),
-                     ("reliability.svg", "The same touches: share of errors inside the published radius, by plate motion."),
-                     ("touch_error.svg", "Touch error against plate motion."),
-                     ("touch_calibration.svg", "Share of errors inside the published radius, at the build.")],
+                     ("reliability.svg", "The same touches: share of errors inside the published radius, by plate motion; dotted, the "
+                                         "points held out at the build."),
+                     ("touch_error.svg", "Error against plate motion: contact points held out of the training, with noise, at the build.")],
         "tabled": ["table2", "face", "reliability", "coverage_curve"],
         "notes": ["Table 2 is the paper's comparison made again on this finger's finite-element states, by its random split and by "
                   "contact point, which is the harder and the honest one. The paper's own network reaches R² 0.968 / 0.942 / "

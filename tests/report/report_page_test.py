@@ -103,6 +103,7 @@ class Page(unittest.TestCase):
                           {"x_mm": 2.0, "y_mm": 20.0, "touches": 0, "published": 0, "mean_mm": None, "error_95_mm": None}],
                  "reliability": [{"from_mm": 4, "touches": 100, "inside": [0.1 * k for k in range(10)]},
                                  {"from_mm": 7, "touches": 3, "inside": [1.0] * 10}]}
+        touch |= {"by_plate_motion": [{"from_mm": start, "touches": 5, "mean_mm": 2.0, "error_95_mm": 4.5} for start in (0, 4)]}
         figures = results(touch=touch, hard_cases={"total": 1, "families": [{"family": "noise", "cases": 3, "bad": 0}]})
         figures["solver"]["limit"] = {"multiply_adds_per_us": 80000, "cache_bytes_per_us": 100000}
         for row in figures["solver"]["iterations"]:
@@ -113,6 +114,7 @@ class Page(unittest.TestCase):
         self.assertIn("factor at the machine's peak", page.replace("&#x27;", "'"))
         self.assertIn("plate motion from 4 mm (100 touches)", page)
         self.assertNotIn("plate motion from 7 mm", page)
+        self.assertIn("<title>from 4 mm, 95 % are smaller: 4.50 mm, 5 touches — scripts/report touch</title>", page)
         self.assertIn("<td>noise</td><td>3</td>", page)
 
     def test_objects_in_rows_become_columns(self):

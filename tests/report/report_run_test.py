@@ -56,6 +56,13 @@ class Run(unittest.TestCase):
         self.assertEqual(self.run_main(done=done), list(report_run.AREAS))
         self.assertEqual(self.run_main("--quick", "--resume", "hard", "fem", done=done), ["fem"])
 
+    def test_a_program_that_fails_leaves_its_reason_and_the_others_go_on(self):
+        def fails(*words):
+            raise subprocess.CalledProcessError(3, words)
+        with mock.patch.multiple(report_run, FOLDER=self.folder, run=fails):
+            file = report_run.Run(True).tool("soak", "finsightd")
+        self.assertEqual(json.loads(file.read_text()), {"why": "scripts/lib/soak.py failed, exit code 3"})
+
     def test_time_left_comes_from_the_last_run_of_the_same_profile(self):
         results = {"measured": {"solver": {"profile": "full", "seconds": 333}}}
         self.assertEqual(report_run.expected_seconds("solver", results, "full"), 333)
