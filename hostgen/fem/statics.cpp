@@ -75,8 +75,9 @@ struct FingerStatics::Solver {
   double force_n = 0;
   std::optional<ContactLoad> contacts;  ///< instead of the place, after begin()
   BodyVector present_load, weight;      ///< the weight is part of the load
-  double compliance = 0;         ///< distance of the last two states over the distance of their loads; 0: unknown
-  bool buckled = false;          ///< why steps failed since the last that did not
+  double compliance = 0;  ///< distance of the last two states over the distance of their loads; 0: unknown
+  bool buckled = false;   ///< why steps failed since the last that did not
+  std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
   std::vector<Station> history;  ///< the latest states of the present line of loads; the last is the present one
   ElasticState trial;
 };
@@ -124,6 +125,7 @@ bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve)
   buckled = false;
   const double shortest = std::abs(step) / (1 << kHalvings);
   while (at != to) {
+    if (std::chrono::steady_clock::now() > deadline) return false;
     // A remainder shorter than half a step is merged into this one.
     const double next = std::abs(to - at) < 1.5 * std::abs(step) ? to : at + step;
     if (step_to(next, curve)) {
@@ -232,6 +234,8 @@ bool FingerStatics::press(double normal_n) {
   assert(solver_->contacts);
   return solver_->press(normal_n);
 }
+
+void FingerStatics::give_up_at(std::chrono::steady_clock::time_point deadline) { solver_->deadline = deadline; }
 
 bool FingerStatics::buckled() const { return solver_->buckled; }
 

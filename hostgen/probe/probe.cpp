@@ -31,6 +31,7 @@ class Prober {
 
   void push(ProbedPlace& place) {
     FingerStatics statics(finger_);
+    statics.give_up_at(deadline_);
     FaceContact contact;
     contact.centre_mm = place.point_mm.head<2>().cast<double>();
     statics.begin({contact});
@@ -70,6 +71,7 @@ class Prober {
     } else {
       outcome = statics.buckled() ? Outcome::kNoEquilibrium : Outcome::kNotConverged;
     }
+    if (outcome == Outcome::kNotConverged && over(place)) return false;  // not tried to the end
     if (outcome != Outcome::kEquilibrium) {
       place.end = outcome;
       place.failed_n = force_n;

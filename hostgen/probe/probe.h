@@ -32,8 +32,8 @@ struct Probe {
 };
 
 /// Pushes the places of jig_holes() with half of the spec's highest force and all of it; where that fails, with half as
-/// much, and so on down to kWeakestPush_n, then between. All cores, progress; begins nothing new after `limit_s`.
-/// Throws Interrupted.
+/// much, and so on down to kWeakestPush_n, then between. All cores, progress; begins no new step of a load after
+/// `limit_s`. Throws Interrupted.
 Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s = 100);
 
 /// Throws InputError naming the field to change if a pack of this finger could not come to be: nowhere an equilibrium,

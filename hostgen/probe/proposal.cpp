@@ -149,6 +149,9 @@ std::array<PoseNoise, kPlates> expected_noise(const FingerSpec& spec, const Prob
 
 std::string proposal_text(const FingerSpec& spec, const Probe& probe) {
   const Scale scale = scale_of(probe);
+  if (!(scale.highest_n > 0)) {
+    return "# nothing: too few places could be pushed in the time. Try --size coarse, or surface.simplify_mm\n";
+  }
   const std::array<PoseNoise, kPlates> noise = expected_noise(spec, probe);
   double blur_mm = 0;
   for (const PoseNoise& one : noise) blur_mm = std::max(blur_mm, std::hypot(one.lateral_mm, one.depth_mm));

@@ -45,6 +45,17 @@ TEST_CASE("probe: every place is pushed up to the spec's force, or up to what it
   }
 }
 
+TEST_CASE("probe: ends when its time is over, and proposes nothing from nothing") {
+  const Probe probe = probe_finger(column(), test::small_finger_mesh(), 0);
+  for (const ProbedPlace& place : probe.places) {
+    CHECK(place.cut_short);
+    CHECK(place.states.empty());
+    CHECK(place.end == Outcome::kEquilibrium);
+  }
+  CHECK_NOTHROW(check_worth_building(column(), probe));
+  CHECK(proposal_text(column(), probe).starts_with("# nothing"));
+}
+
 TEST_CASE("probe: a finger that no pack can come of is refused, with the number to change") {
   FingerSpec spec = column();
   const Probe probe = probe_finger(spec, test::small_finger_mesh());
