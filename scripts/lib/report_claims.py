@@ -148,9 +148,11 @@ def claims_html(rows):
 
 
 def claims_markdown(rows):
-    """The same for README, without dates and commits."""
+    """The same for README, without dates and commits, and of what has been measured alone."""
     text = "| claim | beside | theirs | ours | aim | command |\n|---|---|---|---|---|---|\n"
     for row in rows:
+        if row["met"] is None:
+            continue
         ours = f"**{row['ours']} (falls short)**" if row["met"] is False else row["ours"]
         text += f"| {row['claim']} | {row['peer_is']} | {row['peer']} | {ours} | {row['aim']} | `{row['command']}` |\n"
     return text

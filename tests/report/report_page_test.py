@@ -91,8 +91,19 @@ class Page(unittest.TestCase):
         self.assertNotIn("\nold\n", renewed)
         self.assertIn("**73 times (falls short)**", renewed)
         self.assertIn("![Time against size](hostgen/report/growth.svg)", renewed)
+        self.assertNotIn("not measured", renewed)
         with self.assertRaises(SystemExit):
             report_claims.with_claims("no markers", [], [])
+
+    def test_readme_shows_the_claims_of_the_report_that_it_was_made_from(self):
+        readme = (SOURCE / "README.md").read_text()
+        kept = json.loads((SOURCE / report_claims.README_FOLDER / "claims.json").read_text())
+        self.assertEqual(readme, report_claims.with_claims(readme, kept["claims"], kept["plots"]),
+                         "README's claims were changed by hand, or claims.json was: scripts/report --readme writes both")
+        self.assertEqual([row["claim"] for row in kept["claims"]], [claim["claim"] for claim in report_claims.CLAIMS],
+                         "the report claims something else by now: scripts/report --readme")
+        for name, _ in kept["plots"]:
+            self.assertTrue((SOURCE / report_claims.README_FOLDER / name).exists(), name)
 
     def test_hard_cases_touches_and_limits_are_drawn(self):
         rest = [[0, 0, 0], [1000, 0, 0], [0, 1000, 0], [0, 0, 1000]]
