@@ -29,7 +29,7 @@ class Case(unittest.TestCase):
         self.write("programs/finsightd", "#!/bin/sh\necho serial=AB_c 12\necho modbus_port=1502\necho page_port=80\n"
                    f"echo write_key=$(cat {self.state}/write-key)\n")
 
-        self.write("programs/busybox", "#!/bin/sh\ncase $1 in wget) exit 1 ;; ip) ;; *) exec \"$@\" ;; esac\n"
+        self.write("programs/busybox", "#!/bin/sh\ncase $1 in wget) exit 1 ;; ip) ;; sleep) exit ;; *) exec \"$@\" ;; esac\n"
                    "echo '2: eth0 inet 169.254.7.8/16 brd x'; echo '1: lo inet 127.0.0.1/8'\n")
 
     def write(self, name, text):
