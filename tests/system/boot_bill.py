@@ -6,7 +6,7 @@ import subprocess
 from bench import SOURCE, WORK, check, step
 
 # Made by scripts/image, not out of a package.
-MADE = re.compile(r"boot/(initrd|vmlinuz)|usr/lib/modules/[^/]+/modules\.\w+(\.bin)?|usr/lib/finsight/.*|usr/bin/finsight\S+|"
+MADE = re.compile(r"boot/(initrd|vmlinuz)|usr/lib/modules/[^/]+/modules\.[\w.]+|usr/lib/finsight/.*|usr/bin/finsight\S+|"
                   r"etc/machine-id")
 
 
