@@ -36,13 +36,6 @@ static_assert(kRepeated.size() == kFingerStride);
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-/// In the row's unit; NaN: not valid.
-double value_of(const RegisterImage& finger, const RegisterRow& row) {
-  const std::uint16_t word = finger.words[static_cast<std::size_t>(row.address)];
-  if (row.type == RegisterType::kInt16) return word == 0x8000 ? kNan : static_cast<std::int16_t>(word) * row.scale;
-  return word == 0xFFFF ? kNan : word * row.scale;
-}
-
 /// How hard a finger is touched. One that works, sees all of its plates and tells no touch is touched too lightly.
 struct Forces {
   double force_n = kNan, normal_n = kNan, normal_variance = kNan;
@@ -51,11 +44,11 @@ struct Forces {
 Forces forces_of(const RegisterImage& finger) {
   const std::uint16_t status = finger.words[0];
   if (status & kTouchValid) {
-    const double force_n = value_of(finger, row_named("force"));
-    const double normal_n = value_of(finger, row_named("force_normal"));
-    const double sigma_n = value_of(finger, row_named("force_normal_uncertainty"));
+    const double force_n = measured_value(finger, address_of("force"));
+    const double normal_n = measured_value(finger, address_of("force_normal"));
+    const double sigma_n = measured_value(finger, address_of("force_normal_uncertainty"));
     if (!std::isnan(normal_n) && !std::isnan(sigma_n)) return {force_n, normal_n, sigma_n * sigma_n};
-    const double force_sigma_n = value_of(finger, row_named("force_uncertainty"));
+    const double force_sigma_n = measured_value(finger, address_of("force_uncertainty"));
     return {force_n, force_n, force_sigma_n * force_sigma_n};  // the plates do not tell how the force is directed
   }
   const bool is_untouched =
@@ -88,15 +81,15 @@ void write_gripper(std::span<const RegisterImage> fingers, BlockWriter& block) {
   for (std::size_t i = 0; i < fingers.size(); ++i) {
     const RegisterImage& finger = fingers[i];
     const double side = i == 0 ? 1 : -1;
-    const double age_ms = value_of(finger, row_named("age"));
+    const double age_ms = measured_value(finger, address_of("age"));
     if (!(age_ms <= oldest_ms)) oldest_ms = std::isnan(oldest_ms) ? kNan : age_ms;
     const Forces forces = forces_of(finger);
     sum_n += forces.force_n;
     balance_n += side * forces.normal_n;
     variance += forces.normal_variance;
     if (!(finger.words[0] & kTouchValid)) continue;
-    x_mm += side * value_of(finger, row_named("touch_x"));
-    y_mm += value_of(finger, row_named("touch_y"));
+    x_mm += side * measured_value(finger, address_of("touch_x"));
+    y_mm += measured_value(finger, address_of("touch_y"));
     ++touches;
   }
   block.count(row_named("fingers"), static_cast<std::uint32_t>(fingers.size()));

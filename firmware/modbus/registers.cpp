@@ -209,6 +209,13 @@ void encode_process(const ProcessReadings& readings, RegisterImage& image) {
   }
 }
 
+double measured_value(const RegisterImage& image, int address) {
+  const RegisterRow& row = measurement_row(address);
+  const std::uint16_t word = image.words[static_cast<std::size_t>(address)];
+  if (row.type == RegisterType::kInt16) return word == 0x8000 ? kNan : static_cast<std::int16_t>(word) * row.scale;
+  return word == 0xFFFF ? kNan : word * row.scale;
+}
+
 RegisterImage empty_block() {
   RegisterImage image;
   encode_registers(PlatePoses{}, FingerShape{}, Touch{}, LoopState{}, image);

@@ -133,6 +133,9 @@ void encode_registers(const PlatePoses& poses, const FingerShape& shape, const T
 /// Writes the process helpers' registers.
 void encode_process(const ProcessReadings& readings, RegisterImage& image);
 
+/// A single register of the measurements, in its unit; NaN where it is not valid.
+double measured_value(const RegisterImage& image, int address);
+
 /// The block before the first result: not ready, no valid values.
 RegisterImage empty_block();
 

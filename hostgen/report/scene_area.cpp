@@ -2,7 +2,6 @@
 // out? Every case's states are solved for it and go through the whole firmware, with the spec's noise.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "firmware/geometry/so3.h"
@@ -35,15 +34,6 @@ struct Trial {
   Eigen::Array<double, 6, 1> wrench_error = Eigen::Array<double, 6, 1>::Zero(), wrench_sigma = wrench_error;
   bool is_lie() const { return is_published && error_mm > 3 * radius_mm; }
 };
-
-/// A published value of a single register; NaN where it is not valid.
-double published(const RegisterImage& image, int address) {
-  const RegisterRow& row = measurement_row(address);
-  const auto word = image.words[static_cast<std::size_t>(row.address)];
-  const std::uint16_t invalid = row.type == RegisterType::kInt16 ? 0x8000 : 0xFFFF;
-  if (word == invalid) return std::numeric_limits<double>::quiet_NaN();
-  return row.scale * (row.type == RegisterType::kInt16 ? static_cast<std::int16_t>(word) : static_cast<double>(word));
-}
 
 /// What the camera measures of a finger whose markers are stuck on beside their places.
 PlateMotion shown_by_marker(const PlateMotion& plate, const Vec3f& offset_mm, const Eigen::Matrix3f& turned) {
@@ -81,16 +71,16 @@ class Finger {
     trial.has_shape = status & kShapeValid;
     trial.truth_mm = state.point_mm;
     if (!trial.is_published) return trial;
-    for (int i = 0; i < 3; ++i) trial.found_mm[i] = static_cast<float>(published(image, address_of("touch_x") + i));
+    for (int i = 0; i < 3; ++i) trial.found_mm[i] = static_cast<float>(measured_value(image, address_of("touch_x") + i));
     trial.error_mm = static_cast<double>((trial.found_mm - trial.truth_mm).norm());
-    trial.radius_mm = published(image, address_of("touch_uncertainty"));
+    trial.radius_mm = measured_value(image, address_of("touch_uncertainty"));
     for (int i = 0; i < 3; ++i) {
       trial.wrench_error[i] =
-          published(image, address_of("force_normal") + i) - static_cast<double>(state.force_vector_n[i]);
-      trial.wrench_sigma[i] = published(image, address_of("force_normal_uncertainty") + i);
+          measured_value(image, address_of("force_normal") + i) - static_cast<double>(state.force_vector_n[i]);
+      trial.wrench_sigma[i] = measured_value(image, address_of("force_normal_uncertainty") + i);
       trial.wrench_error[3 + i] =
-          published(image, address_of("wrench_moment_x") + i) - static_cast<double>(state.moment_nmm[i]) / kNmmPerNm;
-      trial.wrench_sigma[3 + i] = published(image, address_of("wrench_moment_x_uncertainty") + i);
+          measured_value(image, address_of("wrench_moment_x") + i) - static_cast<double>(state.moment_nmm[i]) / kNmmPerNm;
+      trial.wrench_sigma[3 + i] = measured_value(image, address_of("wrench_moment_x_uncertainty") + i);
     }
     return trial;
   }

@@ -7,7 +7,7 @@
 
 #include "hostgen/fem/scene_contacts.h"
 #include "hostgen/fem/statics.h"
-#include "hostgen/finger/grid.h"
+#include "hostgen/render/virtual_finger.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {
@@ -144,18 +144,9 @@ std::vector<SceneCase> scene_cases() {
 }
 
 FingerSpec spec_of(const FingerSpec& spec, const SceneCase& scene_case) {
-  FingerSpec other = spec;
+  // The sides are open.
+  FingerSpec other = with_walls(spec, scene_case.wall_mm, scene_case.wall_mm, 0);
   other.youngs_modulus_mpa *= scene_case.stiffness;
-  // A wall grows to its inside: what touches the finger stays where it is, and so do the plates. The sides are open.
-  for (double* wall_mm : {&other.front_wall_mm, &other.back_wall_mm}) *wall_mm += scene_case.wall_mm;
-  for (int p = 0; p < kPlates; ++p) {
-    const double y_mm = plate_bottom_mm(spec, p);
-    const auto depth_mm = [&](const FingerSpec& of) { return inner_back_mm(of, y_mm) - inner_front_mm(of, y_mm); };
-    for (double& end : other.plates[static_cast<std::size_t>(p)].deep) {
-      const double at_mm = inner_front_mm(spec, y_mm) + end * depth_mm(spec);
-      end = (at_mm - inner_front_mm(other, y_mm)) / depth_mm(other);
-    }
-  }
   return other;
 }
 
