@@ -1,7 +1,6 @@
 // The nouns of the data path. Whoever reads this header and FrameLoop::step has read the product.
 //
-//   Frame -> Observation -> (zero) -> (hold) -> FingerShape -> (verdict) -> RegisterImage -> PLC
-//                                            -> Touch -------^
+//   Frame -> Observation -> (zero) -> (hold) -> Touch -> FingerShape -> (verdict) -> RegisterImage -> PLC
 //
 // Units: millimetres, newtons, radians, pixels, nanoseconds. Finger frame: x across the finger, y up from its base,
 // z into the finger from the touched (front) face. Every noun has a fixed size or views memory that FrameLoop owns,
@@ -151,7 +150,7 @@ struct Touch {
 
 /// What a Modbus client reads: 16-bit registers exactly as they go on the wire, and the time that their age counts
 /// from.
-inline constexpr int kMeasurementRegisters = 81;
+inline constexpr int kMeasurementRegisters = 85;
 inline constexpr int kProcessRegisters = 25;  ///< from 1110 on
 struct RegisterImage {
   std::array<std::uint16_t, kMeasurementRegisters> words{};

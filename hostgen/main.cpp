@@ -34,10 +34,14 @@ int main(int argc, char** argv) {
   host::add_calibrate_command(app);
   host::add_mount_command(app);
   host::add_jig_command(app);
+  host::add_fit_command(app);
+  host::add_verify_command(app);
   host::catch_interrupts();
   try {
     app.parse(argc, argv);  // runs the subcommand's callback
     return 0;
+  } catch (const CLI::RuntimeError& error) {
+    return error.get_exit_code();  // a command that has said what failed
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   } catch (const InputError& error) {

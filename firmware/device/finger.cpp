@@ -9,6 +9,7 @@
 #include "firmware/device/log.h"
 #include "firmware/device/realtime.h"
 #include "firmware/loop/self_test.h"
+#include "firmware/settings/measured_fit.h"
 
 namespace finsight {
 
@@ -42,6 +43,7 @@ void take_imported(const Settings& settings, const ZeroBasis& basis) {
 LoopSettings loop_settings_of(const Settings& settings, const Model& model, const std::optional<SessionInfo>& images) {
   LoopSettings loop = settings.loop;
   if (settings.mount) loop.mount = corrected_mount(model.mount, *settings.mount);
+  if (loop.fit) check_fit(*loop.fit, model.checksum, settings.fit_where);
   complete_from_source(settings, images, loop);
   return loop;
 }

@@ -4,6 +4,8 @@
 #include <thread>
 #include <utility>
 
+#include "firmware/settings/measured_fit.h"
+
 namespace finsight {
 
 namespace {
@@ -38,6 +40,7 @@ bool run(Source<Sample>& source, FingerAtWork work, SharedDevice& device, int ti
     if (work.outputs.trigger_rises()) work.commands.trigger();
     const CameraCounts counts = source.counts();
     work.loop.set_warnings(warnings_of(counts));
+    work.loop.set_today(day_today());
     const RegisterImage& image = has_frame ? work.loop.step(sample) : work.loop.step_without_frame(now_ns);
     device.server.publish(image, work.finger);
     // A search for a missing camera is a sign of life, too: a restart would not find it, only disconnect the clients.

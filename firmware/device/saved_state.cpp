@@ -13,17 +13,16 @@ namespace finsight {
 
 namespace {
 
-// Of the file. Version 1 did not say what the zero was measured with; up to version 2
-// there were fewer settings; up to version 3 a zero did not say how the finger stood.
-constexpr int kVersionWithoutBasis = 1, kVersionOfFewerSettings = 2;
-constexpr int kLastOfFewerSettings = kTriggerCommand;
+// Of the file. Version 1 did not say what the zero was measured with; versions 2 and 4 had fewer settings than the one
+// after them; up to version 3 a zero did not say how the finger stood.
+constexpr int kVersionWithoutBasis = 1;
 
 /// Those that the file's version did not have yet get their factory values.
 RuntimeSettings read_settings_table(TomlTable table, std::int64_t version) {
   RuntimeSettings settings;
   for (int i = 0; i < kSettingCount; ++i) {
     const RegisterRow& row = setting_row(i);
-    if (version <= kVersionOfFewerSettings && i > kLastOfFewerSettings && !table.has(row.name)) continue;
+    if (version < kStateVersion && !table.has(row.name)) continue;
     settings.words[static_cast<std::size_t>(i)] =
         static_cast<std::uint16_t>(table.integer(row.name, row.lowest, row.highest));
   }

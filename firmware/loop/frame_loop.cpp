@@ -25,6 +25,13 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, cons
   state_.scene = scene_code(model.scene);
   state_.rated_deformation_mm = model.rated_deformation_mm;
   state_.settings = settings.runtime;
+  state_.force_scale_sigma = model.touch.stiffness_tolerance;
+  if (!settings.fit) return;
+  fit_.emplace(*settings.fit);
+  touch_.use_tolerances(settings.fit->force_sigma, settings.fit->touch_radius_mm);
+  state_.force_scale = settings.fit->force_scale;
+  state_.force_scale_sigma = settings.fit->force_scale_sigma;
+  state_.fitted_on = settings.fit->fitted_on;
 }
 
 const RegisterImage& FrameLoop::step(const Frame& frame) {
@@ -76,6 +83,7 @@ void FrameLoop::zero(Observation& seen) {
     filter_.reset();
     hold_.reset();
     process_.reset();
+    if (fit_) fit_->reset();
     seen.rigid_motion.reset();
   }
   const bool is_zeroed = zeroing_.zero().has_value();
@@ -91,7 +99,14 @@ void FrameLoop::zero(Observation& seen) {
 // Held poses were located when they were fresh. No touch moves all plates as one rigid body.
 Touch FrameLoop::locate(const Observation& seen, const PlatePoses& poses, const PoseVector& motion) {
   if (poses.quality != Quality::kFresh || seen.moved_as_one || seen.camera_moved) return {};
-  return touch_.locate(poses, motion, {seen.shaken_mm, seen.unknown_g, seen.is_from_rest});
+  return as_fitted(touch_.locate(poses, motion, {seen.shaken_mm, seen.unknown_g, seen.is_from_rest}), seen);
+}
+
+// Where the plates are not seen as they are now, the fit waits for them.
+Touch FrameLoop::as_fitted(Touch touch, const Observation& seen) {
+  if (!fit_ || touch.over_range) return touch;
+  fit_->apply(Eigen::Map<const Eigen::Matrix3f>(model_.touch.face_axes.data()), seen.exposure_ns, touch);
+  return touch;
 }
 
 void FrameLoop::judge(const Observation& seen, const FingerShape& shape, const Touch& touch) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "firmware/loop/finger_fit.h"
 #include "firmware/loop/gravity.h"
 #include "firmware/loop/hold.h"
 #include "firmware/loop/marker_places.h"
@@ -27,6 +28,7 @@ struct LoopSettings {
   double readout_ms = 0;                           ///< of a camera with a rolling shutter, see RollingShutter
   double smoothing_ms = 0;                         ///< delay of the low-pass on plate motions, see PoseFilter; 0: none
   std::optional<MountModel> mount = std::nullopt;  ///< of this device, instead of the model's
+  std::optional<FitValues> fit = std::nullopt;     ///< of this finger
   /// The acceleration of things that fall, in the finger frame and in g, if the finger never turns. Nothing, or a rest
   /// that is not known, makes every touch less sure; these are for poses that are as in the pack.
   std::optional<Vec3f> fixed_g = Vec3f(0, 0, 0);
@@ -68,6 +70,8 @@ class FrameLoop {
   const StageTimes& times() const { return times_; }
   /// WarningBit, published from the next step on.
   void set_warnings(std::uint16_t bits) { state_.warnings = bits; }
+  /// Days since 2000-01-01; 0: not known.
+  void set_today(std::uint16_t day) { state_.today = day; }
   const LoopState& state() const { return state_; }
   const RegisterImage& registers() const { return registers_; }  ///< of the last frame
 
@@ -83,6 +87,7 @@ class FrameLoop {
   const RegisterImage& process(Observation seen, StageClock clock);
   void zero(Observation& seen);
   Touch locate(const Observation& seen, const PlatePoses& poses, const PoseVector& motion);
+  Touch as_fitted(Touch touch, const Observation& seen);
   void judge(const Observation& seen, const FingerShape& shape, const Touch& touch);
   const RegisterImage& publish(const Observation& seen, const PlatePoses& poses, const FingerShape& shape,
                                const Touch& touch);
@@ -100,6 +105,7 @@ class FrameLoop {
   Hold hold_;
   ShapeStage shape_;
   TouchStage touch_;
+  std::optional<FingerFit> fit_;
   ProcessValues process_;
   FaultCode lasting_fault_ = FaultCode::kNone;
   bool master_lost_ = false;

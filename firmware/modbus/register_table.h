@@ -93,6 +93,10 @@ inline constexpr RegisterRow kMeasurements[] = {
     row::reserved(78, "reserved_78"),
     row::reserved(79, "reserved_79"),
     row::code(80, "scene", kScenes, "contacts that the model pack was trained for"),
+    row::number(81, "force_scale", kUint16, 0.001, "", "of this finger: force over what its pack says; 1 where it was not fitted"),
+    row::number(82, "force_scale_uncertainty", kUint16, 0.001, "", "relative standard deviation of the force scale"),
+    row::measured(83, "fitted_on", kUint16, 1, "d", "day of the fit, counted from 2000-01-01", "never"),
+    row::measured(84, "verified_days_ago", kUint16, 1, "d", "days since the verification (1023)", "never, or the device has no date"),
 };
 
 inline constexpr RegisterRow kControl[] = {
@@ -119,6 +123,11 @@ inline constexpr RegisterRow kControl[] = {
     row::writable_code(row::code(1020, "light", kSwitch, "the finger's light"), 1),
     row::writable_code(row::code(1021, "trigger_command", std::span(kCommands).first(6), "started by a rising edge of the trigger input")),
     row::writable(row::number(1022, "master_timeout", kUint16, 1, "ms", "fault 14 when register 1006 is not written for so long; 0: never"), 0, 60000, 0),
+    row::writable(row::number(1023, "verified_on", kUint16, 1, "d", "day of the last verification (hostgen verify), counted from 2000-01-01; 0: never"), 0, 65535),
+    row::writable_code(row::code(1024, "verdict", kVerdicts, "of that verification")),
+    row::writable(row::number(1025, "force_expanded_uncertainty", kUint16, 0.01, "N", "of the force, k = 2, by that verification; 0: not known"), 0, 65535),
+    row::writable(row::number(1026, "touch_expanded_uncertainty", kUint16, 0.01, "mm", "of the touched point, k = 2, by that verification; 0: not known"), 0, 65535),
+    row::writable(row::number(1027, "verify_every", kUint16, 1, "d", "warning not_verified when the last passed verification is older than this; 0: never"), 0, 3650),
 };
 
 // Process helpers: settings first, then what the device makes of the measurements. See firmware/loop/process_values.h.
@@ -343,6 +352,9 @@ enum Setting : std::uint8_t {
   kLight = setting_named("light"),
   kTriggerCommand = setting_named("trigger_command"),
   kMasterTimeout = setting_named("master_timeout"),
+  kVerifiedOn = setting_named("verified_on"),
+  kVerdict = setting_named("verdict"),
+  kVerifyEvery = setting_named("verify_every"),
   kLowpass = setting_named("lowpass"),
   kGripChange = setting_named("grip_change"),
   kSettingCount = kControlAddress + kControlRegisters - kFirstSettingRegister + kProcessSettings

@@ -65,6 +65,13 @@ inline constexpr NamedValue kLimitBits[] = {
 inline constexpr NamedValue kWarnings[] = {
     {0, "camera_slow", "gives less than half of the wanted frames per second"},
     {1, "pictures_broken", "in the last two seconds; they were left out"},
+    {2, "not_verified", "no verification was passed, or it is older than setting 1027"},
+};
+
+inline constexpr NamedValue kVerdicts[] = {
+    {0, "none"},
+    {1, "passed"},
+    {2, "failed"},
 };
 
 inline constexpr NamedValue kCommands[] = {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -114,6 +115,29 @@ void write_time_since(BlockWriter& block, const RegisterRow& row, std::int64_t e
   block.measured(row, static_cast<double>(now_ns - exposure_ns) * 1e-6, exposure_ns != 0);
 }
 
+/// Nothing where the device does not know what day it is.
+std::optional<int> days_since_verification(const LoopState& state) {
+  const int verified_on = state.settings[kVerifiedOn];
+  if (verified_on == 0 || state.today < verified_on) return std::nullopt;
+  return state.today - verified_on;
+}
+
+/// A device that does not know what day it is cannot tell that a verification is too old.
+bool is_verification_due(const LoopState& state) {
+  const int every = state.settings[kVerifyEvery];
+  if (every == 0) return false;
+  return state.settings[kVerdict] != value_named("verdict", "passed") ||
+         days_since_verification(state).value_or(0) > every;
+}
+
+void write_fit(BlockWriter& block, const LoopState& state) {
+  block.measured(row_named("force_scale"), state.force_scale, true);
+  block.measured(row_named("force_scale_uncertainty"), state.force_scale_sigma, true);
+  block.measured(row_named("fitted_on"), state.fitted_on, state.fitted_on != 0);
+  const auto ago = days_since_verification(state);
+  block.measured(row_named("verified_days_ago"), ago.value_or(0), ago.has_value());
+}
+
 /// All registers of the process helpers are single words.
 BlockWriter process_writer(RegisterImage& image) { return {image.process, kProcessValueAddress, false}; }
 
@@ -180,7 +204,8 @@ void encode_registers(const PlatePoses& poses, const FingerShape& shape, const T
   block.count(row_named("model_checksum"), state.model_checksum);
   block.count(row_named("scene"), state.scene);
   block.count(row_named("map_version"), kMapVersion);
-  block.count(row_named("warnings"), state.warnings);
+  write_fit(block, state);
+  block.count(row_named("warnings"), state.warnings | (is_verification_due(state) ? std::uint32_t{kNotVerified} : 0));
   block.count(row_named("test_constant"), kTestConstant);
   block.count(row_named("test_constant_long"), kLongTestConstant);
   block.count(row_named("limits"), limits_word(state.limits));

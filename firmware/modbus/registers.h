@@ -54,6 +54,7 @@ enum class FaultCode : std::uint16_t {
 enum WarningBit : std::uint16_t {
   kCameraSlow = bit_named("warnings", "camera_slow"),
   kPicturesBroken = bit_named("warnings", "pictures_broken"),
+  kNotVerified = bit_named("warnings", "not_verified"),
 };
 
 /// The settings that clients can change while the device runs, as their registers hold them.
@@ -115,6 +116,8 @@ struct LoopState {
   ThresholdState limits;
   std::uint32_t model_checksum = 0;
   std::uint16_t scene = 0;  ///< scene_code() of the model's
+  float force_scale = 1, force_scale_sigma = 0;
+  std::uint16_t fitted_on = 0, today = 0;  ///< days since 2000-01-01; 0: never, not known
   float rated_deformation_mm = 1;
   RuntimeSettings settings;
 };

@@ -166,6 +166,7 @@ TouchModel read_touch(PackReader& pack) {
   touch.stiffness_tolerance = pack.number<float>(meta::kStiffnessTolerance, 0, 1);
   touch.marker_tolerance_mm = pack.number<float>(meta::kMarkerTolerance_mm, 0, 10);
   touch.marker_tolerance_rad = pack.number<float>(meta::kMarkerTolerance_rad, 0, 1);
+  touch.touch_tolerance_mm = pack.number<float>(meta::kTouchTolerance_mm, 0, 100);
   return touch;
 }
 

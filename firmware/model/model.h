@@ -81,8 +81,8 @@ struct TouchModel {
   float explained_above = 0;     ///< log-odds below which the motion is unexplained, no touch
   std::span<const float> per_g;  ///< [kPoseDims, 3] plate motion for an acceleration of 1 g along x, y and z
   /// How much fingers of this spec differ, as standard deviations: their stiffness (relative) and their markers'
-  /// places.
-  float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0;
+  /// places. And by how much the same touch is located differently on them: the radius that holds 68 %.
+  float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0;
 };
 
 /// Gaussian over the pose vectors of touched fingers: decides between the two poses of a marker and completes plates
@@ -198,6 +198,7 @@ inline constexpr const char* kExplainedAbove = "touch_explained_above";
 inline constexpr const char* kStiffnessTolerance = "stiffness_tolerance";
 inline constexpr const char* kMarkerTolerance_mm = "marker_tolerance_mm";
 inline constexpr const char* kMarkerTolerance_rad = "marker_tolerance_rad";
+inline constexpr const char* kTouchTolerance_mm = "touch_tolerance_mm";
 inline constexpr const char* kRatedDeformation = "rated_deformation_mm";
 inline constexpr const char* kTensorCrc = "crc32.";   // + tensor name: CRC-32 of its bytes, 8 hexadecimal digits
 inline constexpr const char* kChecksum = "checksum";  // header_checksum(), 8 hexadecimal digits

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "firmware/input_error.h"
+#include "firmware/settings/measured_fit.h"
 #include "firmware/settings/toml_table.h"
 
 namespace finsight {
@@ -315,6 +316,12 @@ void read_gravity(TomlTable table, Settings& settings) {
   table.finish();
 }
 
+void read_fit(TomlTable& root, Settings& settings) {
+  TomlTable table = table_or_measured_file(root, "fit", settings);
+  settings.fit_where = table.where();
+  settings.loop.fit = read_measured_fit(std::move(table));
+}
+
 void read_storage(TomlTable table, Settings& settings) {
   if (table.has("settings")) settings.saved_state = table.path("settings");
   if (table.has("recordings")) settings.recordings = table.path("recordings");
@@ -377,6 +384,7 @@ Settings read_finger(TomlTable root, const std::string& name) {
   if (root.has("network")) read_network(root.table("network"), settings.network);
   if (root.has("page")) settings.page = read_page(root.table("page"));
   if (root.has("device")) read_device(root.table("device"), settings);
+  if (root.has("fit")) read_fit(root, settings);
   if (root.has("mount")) settings.mount = read_measured_mount(table_or_measured_file(root, "mount", settings));
   root.finish();
   if (!name.empty()) store_under_name(settings);

@@ -57,6 +57,7 @@ struct Settings {
   Lens lens;                  ///< of a camera; a session brings its own
   std::optional<GpioSettings> gpio;
   std::filesystem::path measured_lens;  ///< to be used instead of the source's lens; empty: none
+  std::string fit_where;                ///< where loop.fit was read, for messages
   std::optional<MeasuredMount> mount;   ///< of this device; the model's if it was not measured
   LoopSettings loop{.shape = {.tier = ShapeSettings::Tier::kBest}, .runtime = {}};                    ///< its runtime settings are the factory settings
   ModbusSettings modbus;

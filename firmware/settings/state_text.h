@@ -10,7 +10,7 @@
 
 namespace finsight {
 
-inline constexpr int kStateVersion = 4;  ///< a new one when the keys change
+inline constexpr int kStateVersion = 5;  ///< a new one when the keys change
 
 /// `zero_g`: acceleration of things that fell when the zero was measured, if known. Checksum and mount: of what the
 /// zero was measured with.

@@ -125,7 +125,7 @@ const TouchStage::Outputs& TouchStage::run_network(const PlatePoses& poses, cons
 }
 
 void TouchStage::widen(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt, Touch& touch) {
-  float point_sq = 0;
+  float point_sq = model_.touch_tolerance_mm * model_.touch_tolerance_mm;
   Vec3f force_sq = Vec3f::Zero(), moment_sq = Vec3f::Zero();
   if (doubt.shaken_mm > 0) point_sq += kShiftPerShake * kShiftPerShake * doubt.shaken_mm * doubt.shaken_mm;
   const auto ask = [&](const PoseVector& change) {

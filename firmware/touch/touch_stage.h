@@ -28,6 +28,12 @@ class TouchStage {
   /// The arrays that `model` views must live as long as the stage.
   explicit TouchStage(const TouchModel& model, float largest_told = kLargestTold);
 
+  /// Of a finger that was fitted, instead of the model's.
+  void use_tolerances(float stiffness, float touch_mm) {
+    model_.stiffness_tolerance = stiffness;
+    model_.touch_tolerance_mm = touch_mm;
+  }
+
   /// The touch that these poses tell of, fresh or invalid; `motion` is pose_vector(poses). Never throws, never
   /// allocates. Invalid below the model's threshold of plate motion, beyond its range (then `over_range` says so),
   /// without any seen plate, for poses that are invalid or not finite, and where the network's answer is not a touch: a

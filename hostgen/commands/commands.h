@@ -29,5 +29,7 @@ void add_mount_command(CLI::App& app);
 void add_jig_command(CLI::App& app);
 void add_new_command(CLI::App& app);
 void add_probe_command(CLI::App& app);
+void add_fit_command(CLI::App& app);
+void add_verify_command(CLI::App& app);
 
 }  // namespace finsight::host

@@ -13,9 +13,11 @@
 #include "firmware/ports/session.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/finger/grid.h"
+#include "hostgen/finger/jig_holes.h"
 #include "hostgen/render/renderer.h"
 #include "hostgen/render/scenes.h"
 #include "hostgen/render/touch_path.h"
+#include "hostgen/render/virtual_finger.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {
@@ -31,6 +33,9 @@ struct Options {
   std::string size = "640x480", preset = "lab", coding = "linear", motion = "wander", event = "none";
   double seconds = 12, readout_ms = 0;
   std::uint64_t seed = 1;
+  std::optional<std::uint64_t> finger;  ///< number of a virtual one
+  int hole = 0;                         ///< of the jig; 0: no weight
+  std::vector<double> mass_g;
 };
 
 template <class Value>
@@ -78,6 +83,13 @@ class PendingFolder {
   fs::path target_, temporary_;
 };
 
+std::string finger_text(const Options& options) {
+  std::string text;
+  if (options.finger) text += ", virtual finger " + std::to_string(*options.finger);
+  if (options.hole) text += ", weight at hole " + std::to_string(options.hole);
+  return text;
+}
+
 SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options& options) {
   SessionInfo info{
       .lens = lens,
@@ -86,11 +98,11 @@ SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options
       .marker_id = {},
       .marker_size_mm = spec.marker_size_mm,
       .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " + options.motion +
-                     ", event " + options.event + ", seed " + std::to_string(options.seed),
+                     ", event " + options.event + ", seed " + std::to_string(options.seed) + finger_text(options),
       .gravity_g = Vec3f(0, 0, 0),  // what is rendered has no weight
       .coding = options.coding == "srgb" || image_preset(options.preset).srgb ? Coding::kSrgb : Coding::kLinear,
       .readout_ms = options.readout_ms,
-      .from_rest = true};
+      .from_rest = !options.finger};
   for (int plate = 0; plate < kPlates; ++plate) info.marker_id[plate] = spec.plates[plate].marker_id;
   return info;
 }
@@ -165,17 +177,42 @@ void print_summary(const std::vector<FemState>& states, const Options& options) 
               motion_mm);
 }
 
+// Two independent streams of random numbers from one seed: the touch does not depend on the image's size.
+std::vector<TouchLoad> wandering(const FingerSpec& spec, const Options& options, int frames) {
+  const TouchPlan plan(spec, options.seconds, 2 * options.seed, value_of(touch_paths(), options.motion));
+  return planned_loads(plan, frames, kFramesPerSecond);
+}
+
+std::vector<TouchLoad> hung_up(const FingerSpec& spec, const Options& options, int frames) {
+  constexpr double kGravity = 9.80665;
+  const std::vector<JigHole> holes = jig_holes(spec);
+  const auto hole = std::ranges::find(holes, options.hole, &JigHole::number);
+  if (hole == holes.end()) {
+    throw InputError("command line", "--hole", std::to_string(options.hole), "1 to " + std::to_string(holes.size()));
+  }
+  std::vector<double> force_n;
+  for (const double mass_g : options.mass_g) force_n.push_back(kGravity * mass_g / 1000);
+  return weight_loads(hole->contact_mm.cast<float>(), force_n, frames, kFramesPerSecond);
+}
+
 void run(const Options& options) {
   if (!std::isfinite(options.seconds)) throw InputError("command line", "--seconds", "not a number", "0.1 ... 600");
   const FingerSpec spec = read_finger_spec(options.spec);
-  const Lens& camera = spec.cameras[kCameraOfSize.at(options.size)];
+  const std::size_t size = kCameraOfSize.at(options.size);
+  // Whoever mounts a virtual finger takes its lens for the spec's.
+  const Lens& camera = spec.cameras[size];
+  std::optional<VirtualFinger> finger;
+  if (options.finger) finger = draw_finger(spec, *options.finger);
+  const FingerSpec& real = finger ? finger->spec : spec;
   PendingFolder folder(options.output);
   const int frames = std::max(1, static_cast<int>(std::lround(options.seconds * kFramesPerSecond)));
-  // Two independent streams of random numbers from one seed: the touch does not depend on the image's size.
-  const TouchPlan plan(spec, options.seconds, 2 * options.seed, value_of(touch_paths(), options.motion));
-  std::vector<FemState> states = make_touch_path(spec, make_mesh(spec), plan, frames, kFramesPerSecond);
+  std::vector<TouchLoad> loads = options.hole ? hung_up(spec, options, frames) : wandering(spec, options, frames);
+  if (finger) remember(*finger, kFramesPerSecond, loads);
+  // A virtual finger is computed on a mesh that no pack is made from.
+  const TetMesh mesh = make_mesh(real, finger ? MeshSize::kMedium : MeshSize::kDefault);
+  std::vector<FemState> states = make_touch_path(real, mesh, loads);
   if (value_of(session_events(), options.event) == SessionEvent::kShaken) shake(spec, kFramesPerSecond, states);
-  write_images(folder.path() / kSessionFrames, spec, camera, states, options);
+  write_images(folder.path() / kSessionFrames, real, real.cameras[size], states, options);
   write_file_atomically(folder.path() / kSessionTruth, truth_csv(states));
   write_file_atomically(folder.path() / kSessionInfo, session_info_toml(session_info(spec, camera, options)));
   folder.finish();
@@ -209,6 +246,18 @@ void add_render_command(CLI::App& app) {
   command->add_option("--event", options->event, "what happens in the middle third")
       ->check(CLI::IsMember(names_of(session_events())))
       ->capture_default_str();
+  command->add_option("--finger-seed", options->finger,
+                      "number of a virtual finger: its walls, stiffness, markers, camera, lens and creep are its own");
+  CLI::Option* hole =
+      command->add_option("--hole", options->hole, "a weight hangs at this hole of the jig (hostgen jig)")
+          ->check(CLI::Range(1, 9));
+  command
+      ->add_option("--mass-g", options->mass_g,
+                   "of that weight, from the third second on; several, with commas, follow each other")
+      ->delimiter(',')
+      ->check(CLI::Range(1.0, 2000.0))
+      ->needs(hole);
+  hole->needs("--mass-g")->excludes("--motion");
   command->add_option("--seconds", options->seconds, "length")->check(CLI::Range(0.1, 600.0))->capture_default_str();
   command->add_option("--seed", options->seed, "of the touch's path and of the noise")->capture_default_str();
   command->callback([options] { run(*options); });

@@ -75,6 +75,8 @@ constexpr Area kAreas[] = {
     {"touch", touch},
     {"scene", [](const Options& o,
                  const Model& model) { return measure_scenes(model, read_finger_spec(o.spec), o.folder, o.quick); }},
+    {"fit", [](const Options& o,
+               const Model& model) { return measure_fits(model, read_finger_spec(o.spec), o.folder, o.quick); }},
     {"real", [](const Options& o, const Model& model) { return measure_real(model, o.recordings, o.folder, o.quick); }},
     {"force",
      [](const Options& o, const Model&) { return measure_force(read_finger_spec(o.spec), o.folder, o.quick); }},

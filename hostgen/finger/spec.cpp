@@ -252,7 +252,8 @@ void read_touch(TomlTable table, FingerSpec& spec) {
 Tolerance read_tolerance(TomlTable table) {
   const Tolerance usual;
   Tolerance tolerance;
-  tolerance.youngs_modulus = table.number("youngs_modulus", 0, 1, usual.youngs_modulus);
+  tolerance.force = table.number("force", 0, 1, usual.force);
+  tolerance.touch_mm = table.number("touch_mm", 0, 100, usual.touch_mm);
   tolerance.marker_mm = table.number("marker_mm", 0, 10, usual.marker_mm);
   tolerance.marker_rad = kRadPerDeg * table.number("marker_deg", 0, 20, usual.marker_rad / kRadPerDeg);
   table.finish();

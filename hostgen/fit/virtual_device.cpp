@@ -4,16 +4,16 @@
 #include <cmath>
 
 #include "firmware/calibrate/mount_estimate.h"
-#include "firmware/modbus/register_table.h"
 #include "hostgen/finger/plate_motion.h"
 
 namespace finsight::host {
 
 namespace {
 
-constexpr std::size_t kSmallPicture = 1;   // 640x480
+constexpr std::size_t kSmallPicture = 1;    // 640x480
 constexpr double kCornerScatter_px = 0.05;  // the spec's noise is that of such corners
 constexpr int kSteps = 4;
+constexpr double kFrame_s = 1.0 / 60;
 
 LoopSettings without_shape(LoopSettings settings) {
   settings.shape.tier = ShapeSettings::Tier::kMeasures;
@@ -51,41 +51,45 @@ std::array<PlateMotion, kPlates> PressedPlace::plates(double force_n) const {
   return seen_poses({numbers.data(), kPoseDims}).plates;
 }
 
-TouchReading touch_reading(const RegisterImage& image, double time_s) {
-  TouchReading reading{.time_s = time_s};
-  reading.is_valid = image.words[address_of("status")] & kTouchValid;
-  if (!reading.is_valid) return reading;
-  for (int i = 0; i < 3; ++i) reading.point_mm[i] = static_cast<float>(measured_value(image, address_of("touch_x") + i));
-  reading.radius_mm = measured_value(image, address_of("touch_uncertainty"));
-  reading.force_n = measured_value(image, address_of("force"));
-  reading.force_sigma_n = measured_value(image, address_of("force_uncertainty"));
-  return reading;
-}
-
 VirtualDevice::VirtualDevice(const Model& model, const FingerSpec& believed, const VirtualFinger& finger,
-                             const LoopSettings& settings, std::uint64_t seed)
+                             const std::vector<LoopSettings>& settings, std::uint64_t seed)
     : real_lens_(finger.spec.cameras[kSmallPicture]),
       lens_(believed.cameras[kSmallPicture]),
       finger_(finger),
       random_(seed),
-      estimator_(measured_mount(model.mount), model.prior, lens_.fx),
-      loop_(model, std::nullopt, without_shape(settings)) {
-  rest();
-  loop_.zeroing().begin();
-  while (!loop_.zeroing().take_outcome()) measure({}, 1.0 / 60);
+      estimator_(measured_mount(model.mount), model.prior, lens_.fx) {
+  for (const LoopSettings& one : settings) {
+    loops_.push_back(std::make_unique<FrameLoop>(model, std::nullopt, without_shape(one)));
+  }
+  zero({});
 }
 
-void VirtualDevice::rest() {
-  for (int i = 0; i < 30; ++i) measure({}, 10);
+bool VirtualDevice::zero(const std::array<PlateMotion, kPlates>& plates) {
+  for (const auto& loop : loops_) loop->zeroing().begin();
+  bool done = true;
+  for (std::size_t answered = 0; answered < loops_.size();) {
+    measure(plates, kFrame_s);
+    for (const auto& loop : loops_) {
+      const auto outcome = loop->zeroing().take_outcome();
+      if (!outcome) continue;
+      ++answered;
+      done = done && *outcome;
+    }
+  }
+  return done;
 }
 
-TouchReading VirtualDevice::measure(const std::array<PlateMotion, kPlates>& plates, double after_s) {
+std::vector<TouchReading> VirtualDevice::measure(const std::array<PlateMotion, kPlates>& plates, double after_s) {
   time_s_ += after_s;
-  sequence_ += after_s > 0.5 ? 100 : 1;  // frames far apart: nothing is shaken
-  const Observation observed{.exposure_ns = static_cast<std::int64_t>(time_s_ * 1e9),
-                             .sequence = sequence_,
-                             .poses = seen(plates)};
-  return touch_reading(loop_.step(observed), time_s_);
+  sequence_ += after_s > 2 * kFrame_s ? 100 : 1;  // a touch that changes between distant frames is not a shaken hand
+  const Observation observed{
+      .exposure_ns = static_cast<std::int64_t>(time_s_ * 1e9), .sequence = sequence_, .poses = seen(plates)};
+  std::vector<TouchReading> readings;
+  for (const auto& loop : loops_) {
+    loop->step(observed);
+    readings.push_back(touch_reading(*loop, time_s_));
+  }
+  return readings;
 }
 
 VirtualDevice::Corners VirtualDevice::corners_px(const std::array<PlateMotion, kPlates>& plates) {

@@ -1,11 +1,12 @@
 // A virtual finger in a device: what its registers say when it is touched. From loads to registers without images.
 #pragma once
 
+#include <memory>
 #include <vector>
 
-#include "firmware/loop/frame_loop.h"
-#include "hostgen/fem/statics.h"
 #include "firmware/vision/plate_estimator.h"
+#include "hostgen/fem/statics.h"
+#include "hostgen/fit/touch_reading.h"
 #include "hostgen/render/virtual_finger.h"
 
 namespace finsight::host {
@@ -28,27 +29,18 @@ class PressedPlace {
   std::vector<PoseVectorOf<double>> per_newton_;  ///< plate motion over force
 };
 
-/// What a client reads of one frame.
-struct TouchReading {
-  double time_s = 0;
-  bool is_valid = false;
-  Vec3f point_mm = Vec3f::Zero();
-  double radius_mm = 0, force_n = 0, force_sigma_n = 0;
-};
-TouchReading touch_reading(const RegisterImage& image, double time_s);
-
-/// The firmware, which takes the finger for one of its pack, and the finger's camera. At the start the mount is measured
-/// and the finger zeroed, as whoever mounts it does.
+/// Devices with different settings that see the same finger through the same camera and take it for one of their pack.
+/// At the start the mount is measured and the finger zeroed, as whoever mounts it does.
 class VirtualDevice {
  public:
-  /// `believed`: the spec that the pack was made from. All arguments must outlive this.
+  /// `believed`: the spec that the pack was made from. All arguments but the settings must outlive this.
   VirtualDevice(const Model& model, const FingerSpec& believed, const VirtualFinger& finger,
-                const LoopSettings& settings, std::uint64_t seed);
+                const std::vector<LoopSettings>& settings, std::uint64_t seed);
 
-  /// One frame of plates that are there `after_s` after the last one.
-  TouchReading measure(const std::array<PlateMotion, kPlates>& plates, double after_s);
-  /// The finger is let go, for long: nothing of what touched it is left.
-  void rest();
+  /// One frame of plates that are there `after_s` after the last one; a reading per setting.
+  std::vector<TouchReading> measure(const std::array<PlateMotion, kPlates>& plates, double after_s);
+  /// Takes the plates as they are for the finger at rest. False: that was refused.
+  bool zero(const std::array<PlateMotion, kPlates>& plates);
 
  private:
   using Corners = std::array<std::array<Eigen::Vector2d, 4>, kPlates>;
@@ -60,7 +52,7 @@ class VirtualDevice {
   const VirtualFinger& finger_;
   Random random_;
   PlateEstimator estimator_;
-  FrameLoop loop_;
+  std::vector<std::unique_ptr<FrameLoop>> loops_;
   double time_s_ = 0;
   std::uint32_t sequence_ = 0;
 };

@@ -136,9 +136,10 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
   quantise(*run.trained);
   run.trained->model.face_axes = mean_face_axes(spec);
   run.trained->model.threshold_mm = static_cast<float>(spec.threshold_mm);
-  run.trained->model.stiffness_tolerance = static_cast<float>(spec.tolerance.youngs_modulus);
+  run.trained->model.stiffness_tolerance = static_cast<float>(spec.tolerance.force);
   run.trained->model.marker_tolerance_mm = static_cast<float>(spec.tolerance.marker_mm);
   run.trained->model.marker_tolerance_rad = static_cast<float>(spec.tolerance.marker_rad);
+  run.trained->model.touch_tolerance_mm = static_cast<float>(spec.tolerance.touch_mm);
   run.trained->model.range_mm = kBeyondTraining * largest_plate_motion_mm(run.split.train);
 }
 

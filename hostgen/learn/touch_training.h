@@ -33,7 +33,7 @@ struct TouchModelData {
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
   float threshold_mm = 0, range_mm = 0;
   float explained_above = -1e6F;  ///< everything
-  float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0;
+  float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0;
   TouchModel view() const;
 };
 

@@ -173,8 +173,40 @@ double TouchPlan::bearable(double time_s) const {
   return 1 - (1 - kTipForceShare) * std::max(0.0, 2 * height - 1);
 }
 
-std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const TouchPlan& plan, int frames,
-                                      double frames_per_second) {
+std::vector<TouchLoad> planned_loads(const TouchPlan& plan, int frames, double frames_per_second) {
+  std::vector<TouchLoad> loads;
+  for (int frame = 0; frame < frames; ++frame) {
+    const double time_s = frame / frames_per_second, force_n = plan.force_n(time_s);
+    loads.push_back({plan.point_mm(time_s), force_n, force_n});
+  }
+  return loads;
+}
+
+std::vector<TouchLoad> weight_loads(const Vec3f& point_mm, const std::vector<double>& force_n, int frames,
+                                    double frames_per_second) {
+  constexpr double kRest_s = 2, kPutOn_s = 0.5;
+  std::vector<double> steps_n = {0};
+  steps_n.insert(steps_n.end(), force_n.begin(), force_n.end());
+  const bool is_taken_off = force_n.size() > 1;
+  const double loaded_s = frames / frames_per_second - (is_taken_off ? 2 : 1) * kRest_s;
+  const double each_s = loaded_s / static_cast<double>(force_n.size());
+  if (is_taken_off) steps_n.push_back(0);
+  std::vector<TouchLoad> loads;
+  for (int frame = 0; frame < frames; ++frame) {
+    const double time_s = frame / frames_per_second - kRest_s;
+    double now_n = 0;
+    for (std::size_t i = 1; i < steps_n.size(); ++i) {
+      const double share = smooth_step((time_s - static_cast<double>(i - 1) * each_s) / kPutOn_s);
+      now_n += share * (steps_n[i] - steps_n[i - 1]);
+    }
+    loads.push_back({point_mm, std::max(now_n, 0.0), std::max(now_n, 0.0)});
+  }
+  return loads;
+}
+
+std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh,
+                                      const std::vector<TouchLoad>& loads) {
+  const auto frames = static_cast<int>(loads.size());
   const std::size_t keys = static_cast<std::size_t>((frames + kKeyStep - 2) / kKeyStep) + 1;
   std::vector<FemState> states(keys);
   Progress progress("touch path: finite-element states", keys);
@@ -183,17 +215,22 @@ std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mes
     FingerStatics finger(shared);
     for (std::size_t key = chunk * kChunk; key < std::min(keys, (chunk + 1) * kChunk); ++key) {
       if (interrupted()) throw Interrupted();
-      const double time_s = static_cast<double>(key) * kKeyStep / frames_per_second;
-      const Vec3f point_mm = plan.point_mm(time_s);
-      const double force_n = plan.force_n(time_s);
+      const TouchLoad& load = loads[std::min(key * kKeyStep, loads.size() - 1)];
       // Untouched, the finger is at rest whatever came before.
-      const bool is_touched = force_n >= kLightestTouch_n;
+      const bool is_touched = load.bends_as_n >= kLightestTouch_n;
       if (!is_touched) finger.reset();
-      states[key] = is_touched ? touched(finger, mesh, point_mm, force_n) : untouched(point_mm);
+      states[key] = is_touched ? touched(finger, mesh, load.point_mm, load.bends_as_n) : untouched(load.point_mm);
       progress.advance();
     }
   });
-  return interpolated(states, kKeyStep, frames);
+  std::vector<FemState> path = interpolated(states, kKeyStep, frames);
+  for (std::size_t frame = 0; frame < path.size(); ++frame) {
+    const TouchLoad& load = loads[frame];
+    if (load.force_n != load.bends_as_n) {
+      path[frame].force_n *= load.bends_as_n > 0 ? static_cast<float>(load.force_n / load.bends_as_n) : 0;
+    }
+  }
+  return path;
 }
 
 std::vector<FemState> interpolated(const std::vector<FemState>& keys, int step, int frames) {

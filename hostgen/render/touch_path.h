@@ -48,11 +48,26 @@ class TouchPlan {
 /// "wander", "fast", "circle", "square", "eight", "star", "rest".
 const std::vector<std::pair<std::string, TouchPlan::Path>>& touch_paths();
 
-/// Finite-element states of the finger under the planned touch, one per frame, `path` being the frame's number. Every
-/// fourth frame is solved, on all cores, and the others are interpolated smoothly. The same seed gives the same states
+/// What presses the finger in one frame.
+struct TouchLoad {
+  Vec3f point_mm = Vec3f::Zero();
+  double force_n = 0;     ///< that acts
+  double bends_as_n = 0;  ///< force under which an elastic finger would be as it is
+};
+std::vector<TouchLoad> planned_loads(const TouchPlan& plan, int frames, double frames_per_second);
+/// Weights that are put on a place one after the other, from two seconds after the start on, each within half a second;
+/// all stay equally long, the last two seconds without any if there are several.
+std::vector<TouchLoad> weight_loads(const Vec3f& point_mm, const std::vector<double>& force_n, int frames,
+                                    double frames_per_second);
+
+/// Finite-element states of the finger under these loads, one per frame, `path` being the frame's number. Every fourth
+/// frame is solved, on all cores, and the others are interpolated smoothly. The same loads give the same states
 /// whatever the number of cores. Shows progress.
-std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const TouchPlan& plan, int frames,
-                                      double frames_per_second);
+std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const std::vector<TouchLoad>& loads);
+inline std::vector<FemState> make_touch_path(const FingerSpec& spec, const TetMesh& mesh, const TouchPlan& plan,
+                                             int frames, double frames_per_second) {
+  return make_touch_path(spec, mesh, planned_loads(plan, frames, frames_per_second));
+}
 
 /// States at every `step`-th frame -> states of the first `frames` frames: Catmull-Rom splines through every number of
 /// a state. Needs at least one state beyond the last frame or at it. Where neither neighbouring state is touched, the

@@ -29,8 +29,7 @@ void misplace_markers(const Workshop& workshop, Random& random, FingerSpec& spec
   for (std::size_t p = 0; p < kPlates; ++p) {
     Eigen::Isometry3d& marker = spec.plates[p].T_finger_marker;
     marker.translation() += within(workshop.marker_mm, random);
-    marker.linear() =
-        so3_exp(Eigen::Vector3d(within(workshop.marker_deg * kRadPerDeg, random))) * marker.linear();
+    marker.linear() = so3_exp(Eigen::Vector3d(within(workshop.marker_deg * kRadPerDeg, random))) * marker.linear();
   }
 }
 
@@ -69,9 +68,17 @@ double MaterialMemory::bends_as_n(double force_n, double after_s) {
   return elastic_n + crept_n_;
 }
 
+void remember(const VirtualFinger& finger, double frames_per_second, std::vector<TouchLoad>& loads) {
+  MaterialMemory memory = finger.memory();
+  for (TouchLoad& load : loads) {
+    load.bends_as_n = memory.bends_as_n(finger.at_fit_temperature_n(load.force_n), 1 / frames_per_second);
+  }
+}
+
 VirtualFinger draw_finger(const FingerSpec& spec, std::uint64_t number, const Workshop& workshop) {
   Random random(0x5eed'0000 + number);
   VirtualFinger finger;
+  finger.number = number;
   const auto wall_mm = [&] { return random.uniform(-workshop.wall_mm, workshop.wall_mm); };
   const double front_mm = wall_mm(), back_mm = wall_mm(), side_mm = wall_mm();
   finger.spec = with_walls(spec, front_mm, back_mm, side_mm);

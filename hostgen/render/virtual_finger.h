@@ -7,6 +7,7 @@
 
 #include "firmware/geometry/lens.h"
 #include "hostgen/finger/spec.h"
+#include "hostgen/render/touch_path.h"
 #include "hostgen/util/random.h"
 
 namespace finsight::host {
@@ -15,15 +16,15 @@ namespace finsight::host {
 struct Workshop {
   /// Relative to the spec's. Polyurethane of nominal 90 Shore A, where the spec says 10 MPa: 7 to 13 MPa.
   std::array<double, 2> youngs_modulus = {0.7, 1.3};
-  double wall_mm = 0.3;      ///< front, back and side walls, each to either side; only of a finger drawn by numbers
-  double marker_mm = 0.5;    ///< how far a marker is stuck beside its place at most, in any direction
-  double marker_deg = 1.5;   ///< and turned
-  double camera_mm = 1;      ///< how far the camera is mounted from its place at most, in any direction
-  double camera_deg = 1.5;   ///< and turned
-  double focal_length = 0.01;       ///< relative, to either side
-  double principal_point_px = 5;    ///< of an image 1280 pixels wide, in any direction
-  std::array<double, 2> creep = {0.05, 0.15};   ///< how much further a constant force bends the finger in 60 s, relative
-  std::array<double, 2> creep_s = {5, 60};      ///< time constant of that
+  double wall_mm = 0.3;        ///< front, back and side walls, each to either side; only of a finger drawn by numbers
+  double marker_mm = 0.5;      ///< how far a marker is stuck beside its place at most, in any direction
+  double marker_deg = 1.5;     ///< and turned
+  double camera_mm = 1;        ///< how far the camera is mounted from its place at most, in any direction
+  double camera_deg = 1.5;     ///< and turned
+  double focal_length = 0.01;  ///< relative, to either side
+  double principal_point_px = 5;               ///< of an image 1280 pixels wide, in any direction
+  std::array<double, 2> creep = {0.05, 0.15};  ///< how much further a constant force bends the finger in 60 s, relative
+  std::array<double, 2> creep_s = {5, 60};     ///< time constant of that
   std::array<double, 2> hysteresis = {0.03, 0.10};  ///< widest gap between loading and unloading, of the full force
   /// Relative change of Young's modulus per kelvin, and how far the temperature of use is from that of the fit at most.
   std::array<double, 2> per_kelvin = {-0.006, -0.002};
@@ -49,8 +50,9 @@ class MaterialMemory {
 
 /// One finger of the workshop and its camera, as they really are.
 struct VirtualFinger {
-  FingerSpec spec;  ///< its walls, Young's modulus, markers' and camera's places, and lenses
-  double creep = 0;     ///< in the end; that after 60 s is the workshop's
+  std::uint64_t number = 0;
+  FingerSpec spec;   ///< its walls, Young's modulus, markers' and camera's places, and lenses
+  double creep = 0;  ///< in the end; that after 60 s is the workshop's
   double creep_s = 1;
   double hysteresis = 0;
   double per_kelvin = 0;
@@ -61,6 +63,9 @@ struct VirtualFinger {
   /// What `force_n` is at the temperature of the fit, for the same deformation.
   double at_fit_temperature_n(double force_n) const { return force_n / (1 + per_kelvin * kelvin); }
 };
+
+/// How the loads of a session, at `frames_per_second`, bend this finger. Temperature apart, which nothing tells.
+void remember(const VirtualFinger& finger, double frames_per_second, std::vector<TouchLoad>& loads);
 
 /// The same spec and number give the same finger.
 VirtualFinger draw_finger(const FingerSpec& spec, std::uint64_t number, const Workshop& workshop = {});

@@ -54,6 +54,15 @@ nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, co
 nlohmann::json measure_scenes(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
                               bool quick);
 
+/// Virtual fingers (render/virtual_finger.h), from number `first` on, before and after a fit with a weight at each hole
+/// of the jig: errors of force and touch, what the device says of them, and drift; and the same with one part of the fit
+/// left out each. Plots fit.svg into `folder`.
+nlohmann::json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
+                            int fingers, std::uint64_t first);
+/// The fingers of the report: 50; `quick`: 4.
+nlohmann::json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
+                            bool quick);
+
 /// Networks on a CSV of recordings, and its audit with an image, recordings.svg; without a file only the reason.
 nlohmann::json measure_real(const Model& model, const std::filesystem::path& recordings,
                             const std::filesystem::path& folder, bool quick);

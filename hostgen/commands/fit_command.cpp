@@ -1,0 +1,103 @@
+// hostgen fit SESSION...: recordings of known weights -> what this finger does otherwise than its pack, for the board
+// file.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "firmware/input_error.h"
+#include "firmware/ports/session.h"
+#include "firmware/settings/measured_fit.h"
+#include "firmware/settings/measured_mount.h"
+#include "hostgen/commands/commands.h"
+#include "hostgen/fit/session_touches.h"
+#include "hostgen/fit/weight_fit.h"
+#include "hostgen/fit/weight_list.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  std::vector<fs::path> sessions;
+  fs::path spec, pack, weights, mount, output;
+  std::int64_t date = 0;
+};
+
+void print_fit(const WeightFit& fit, const FitBasis& basis) {
+  std::printf("recording             hole  weight N  held s  pack's N  force off %%  touch off mm (across, up)\n");
+  for (const Hold& hold : fit.holds) {
+    std::printf("%-20s  %4d  %8.2f  %6.1f  %8.2f  %+11.1f  %+6.2f %+6.2f\n", hold.name.c_str(), hold.hole, hold.force_n,
+                hold.lasted_s, hold.pack_force_n, 100 * hold.force_error, static_cast<double>(hold.touch_error_mm.x()),
+                static_cast<double>(hold.touch_error_mm.y()));
+  }
+  const FitValues& values = fit.values;
+  std::printf("force scale %.3f +- %.3f; a force is right to %.1f %% (unfitted: %.0f %%)\n",
+              static_cast<double>(values.force_scale), static_cast<double>(values.force_scale_sigma),
+              100 * static_cast<double>(values.force_sigma), 100 * static_cast<double>(basis.force_tolerance));
+  if (values.creep_share > 0) {
+    std::printf("creep %.1f %% +- %.1f %%, with a time constant of %.0f s\n",
+                100 * static_cast<double>(values.creep_share), 100 * fit.creep_share_sigma,
+                static_cast<double>(values.creep_s));
+  }
+  std::printf("touches: 68 %% of the offsets that remain are within %.2f mm (unfitted: %.2f mm)\n",
+              static_cast<double>(values.touch_radius_mm), static_cast<double>(basis.touch_tolerance_mm));
+  for (const std::string& untold : fit.untold) std::printf("not told: %s\n", untold.c_str());
+}
+
+void run(const Options& options) {
+  const FingerSpec spec = read_finger_spec(options.spec);
+  const Model model = Model::open(options.pack);
+  check_writable(options.output, {spec.file, options.pack, options.weights, options.mount});
+  const FitBasis basis = fit_basis(spec, model);
+  const std::vector<ListedWeight> weights = read_weights(options.weights, static_cast<int>(basis.holes.size()));
+  LoopSettings settings;
+  if (!options.mount.empty()) {
+    settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(options.mount)));
+  }
+  const std::uint16_t day = options.date ? days_of(options.date) : day_today();
+  if (day == 0) throw InputError("command line", "--date", std::to_string(options.date), "a day such as 20261123");
+  std::vector<WeightRecord> records(options.sessions.size());
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const ListedWeight& row = listed(weights, options.sessions[i], options.weights);
+    records[i] = {.name = row.session, .hole = row.hole, .force_n = row.force_n(), .readings = {}};
+  }
+  Progress progress("recordings", records.size());
+  parallel_for(records.size(), [&](std::size_t i) {
+    records[i].readings = session_touches(options.sessions[i], model, settings);
+    progress.advance();
+  });
+  const WeightFit fit = fit_weights(basis, records, day);
+  write_file_atomically(options.output, "# What one finger does otherwise than its pack, made by hostgen fit from " +
+                                            std::to_string(records.size()) +
+                                            " recordings.\n# In a board file: fit = \"this file\", before the first "
+                                            "table.\n" +
+                                            measured_fit_toml(fit.values));
+  print_fit(fit, basis);
+  std::printf("%s: for the key fit in a board file\n", options.output.c_str());
+}
+
+}  // namespace
+
+void add_fit_command(CLI::App& app) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "fit",
+      "find force scale, creep and touch offset of one finger from recordings of known weights at the holes of its "
+      "jig. "
+      "Each begins with the untouched finger for two seconds; hold one weight for a minute to tell creep");
+  command->add_option("sessions", options->sessions, "session folders, one per weight; three to nine tell most")
+      ->required();
+  command->add_option("--weights", options->weights, "CSV: session,hole,mass_g")->required();
+  command->add_option("--spec", options->spec, "finger spec (TOML) that the pack was made from")->required();
+  command->add_option("--pack", options->pack, "model pack of this finger")->required();
+  command->add_option("--mount", options->mount, "what hostgen mount measured, if the device uses it");
+  command->add_option("--date", options->date, "of the recordings, such as 20261123; today unless given");
+  command->add_option("-o,--output", options->output, "file to write (TOML), for the key fit in a board file")
+      ->required();
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace finsight::host

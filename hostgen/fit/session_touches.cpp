@@ -1,0 +1,61 @@
+#include "hostgen/fit/session_touches.h"
+
+#include <algorithm>
+
+#include "firmware/input_error.h"
+#include "firmware/modbus/register_table.h"
+#include "firmware/ports/camera.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+TouchReading touch_reading(const FrameLoop& loop, double time_s) {
+  const RegisterImage& image = loop.registers();
+  TouchReading reading{.time_s = time_s};
+  for (const PlateMotion& plate : loop.view().poses.plates) {
+    reading.plate_motion_mm = std::max(reading.plate_motion_mm, plate.displacement_mm.norm());
+  }
+  reading.is_valid = image.words[address_of("status")] & kTouchValid;
+  if (!reading.is_valid) return reading;
+  for (int i = 0; i < 3; ++i) {
+    reading.point_mm[i] = static_cast<float>(measured_value(image, address_of("touch_x") + i));
+  }
+  reading.radius_mm = measured_value(image, address_of("touch_uncertainty"));
+  reading.force_n = measured_value(image, address_of("force"));
+  reading.force_sigma_n = measured_value(image, address_of("force_uncertainty"));
+  return reading;
+}
+
+std::vector<TouchReading> session_touches(const std::filesystem::path& session, const Model& model,
+                                          const LoopSettings& settings) {
+  const SessionInfo info = read_session_info(session);
+  check_markers(info, session, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
+                "the model pack");
+  LoopSettings loop_settings = settings;
+  loop_settings.shape.tier = ShapeSettings::Tier::kMeasures;
+  loop_settings.readout_ms = info.readout_ms;
+  loop_settings.fixed_g = Vec3f(0, 0, 0);  // a jig keeps the finger as it was at its zero
+  FrameLoop loop(model, info.lens, loop_settings);
+  const auto camera = open_session_camera({.path = session, .recording = "", .recorded_speed = false}, info);
+  std::vector<TouchReading> readings;
+  bool is_zeroed = false;
+  loop.zeroing().begin();
+  Frame frame;
+  for (std::int64_t number = 0; camera->next(frame, 0); ++number) {
+    if (interrupted()) throw Interrupted();
+    loop.step(frame);
+    const double time_s = static_cast<double>(number) / info.frames_per_second;
+    if (is_zeroed) readings.push_back(touch_reading(loop, time_s));
+    const auto outcome = loop.zeroing().take_outcome();
+    if (!outcome) continue;
+    is_zeroed = *outcome;
+    if (!is_zeroed) {
+      throw InputError(session.string(), "does not begin with an untouched finger that stands still for a second");
+    }
+  }
+  if (!camera->error().empty()) throw InputError(session.string(), camera->error());
+  if (readings.empty()) throw InputError(session.string(), "is over before the finger was zeroed, after one second");
+  return readings;
+}
+
+}  // namespace finsight::host

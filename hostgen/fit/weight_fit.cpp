@@ -1,0 +1,327 @@
+#include "hostgen/fit/weight_fit.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "firmware/input_error.h"
+#include "hostgen/finger/spec.h"
+#include "hostgen/util/statistics.h"
+
+namespace finsight::host {
+
+namespace {
+
+constexpr int kTerms = FitValues::kTerms;
+using Terms = Eigen::Matrix<double, kTerms, 1>;
+
+// What fingers of the workshop have in common: deviations of the terms, and what the terms do not describe. Measured
+// with `hostgen report ... fit` on fingers that its figures do not count.
+const Terms kAcrossPrior_mm(0.3, 0.5, 0.2, 0.2);
+const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
+constexpr double kAcrossRest_mm = 0.3, kAlongRest_mm = 0.5;
+constexpr double kForceRest = 0.04;     // relative, of a force at another place than the weights'
+constexpr double kUnknownCreep = 0.06;  // relative deviation of forces of unknown age
+constexpr double kHysteresis = 0.03;
+
+constexpr double kSettling_s = 0.5;  // after a weight was hung up, and before it is taken off
+constexpr double kShortestHold_s = 2;
+constexpr double kLongHold_s = 20;  // tells creep
+constexpr double kWrongForce = 0.35, kWrongPlace_mm = 9;
+
+struct Series {
+  std::vector<double> after_s, force_n;
+};
+
+/// The longest run of touches.
+std::pair<std::size_t, std::size_t> longest_touch(const std::vector<TouchReading>& readings) {
+  std::pair<std::size_t, std::size_t> best{0, 0};
+  for (std::size_t i = 0, first = 0; i < readings.size(); ++i) {
+    if (!readings[i].is_valid) first = i + 1;
+    if (i + 1 - first > best.second - best.first) best = {first, i + 1};
+  }
+  return best;
+}
+
+const JigHole& hole_of(const FitBasis& basis, const WeightRecord& record) {
+  for (const JigHole& hole : basis.holes) {
+    if (hole.number == record.hole) return hole;
+  }
+  throw InputError(record.name, "hole", std::to_string(record.hole),
+                   "1 to " + std::to_string(basis.holes.size()) + ", as printed on the jig");
+}
+
+Hold hold_of(const FitBasis& basis, const WeightRecord& record, Series& series) {
+  const auto [first, end] = longest_touch(record.readings);
+  Hold hold{.name = record.name, .hole = record.hole, .force_n = record.force_n};
+  hold.truth_mm = hole_of(basis, record).contact_mm.cast<float>();
+  if (first < end) {
+    hold.began_s = record.readings[first].time_s;
+    hold.lasted_s = record.readings[end - 1].time_s - hold.began_s;
+  }
+  for (std::size_t i = first; i < end; ++i) {
+    const TouchReading& reading = record.readings[i];
+    const double after_s = reading.time_s - hold.began_s;
+    if (after_s < kSettling_s || after_s > hold.lasted_s - kSettling_s) continue;
+    series.after_s.push_back(after_s);
+    series.force_n.push_back(reading.force_n);
+    hold.point_mm += reading.point_mm;
+    hold.plate_motion_mm = std::max(hold.plate_motion_mm, reading.plate_motion_mm);
+  }
+  if (hold.lasted_s < kShortestHold_s) {
+    throw InputError(record.name, "touched for", std::to_string(hold.lasted_s) + " s without a break",
+                     "two seconds or more; is the weight too light for this hole?");
+  }
+  hold.point_mm /= static_cast<float>(series.force_n.size());
+  return hold;
+}
+
+/// Share by which a constant force has bent the finger further after some time.
+double crept(double after_s, double creep_s) { return -std::expm1(-after_s / creep_s); }
+
+struct Creep {
+  double share = 0, after_s = 1, sigma = 0;
+};
+
+/// How well one creep explains all long holds: sum of squares of relative forces, and how many there are.
+double misfit(const std::vector<Series>& all, double share, double creep_s) {
+  double sum = 0;
+  for (const Series& series : all) {
+    double y = 0, yy = 0, m = 0, mm = 0, ym = 0;
+    for (std::size_t i = 0; i < series.force_n.size(); ++i) {
+      const double model = 1 + share * crept(series.after_s[i], creep_s);
+      y += series.force_n[i];
+      m += model;
+      yy += series.force_n[i] * series.force_n[i];
+      mm += model * model;
+      ym += series.force_n[i] * model;
+    }
+    const double mean = y / static_cast<double>(series.force_n.size());
+    sum += (yy - ym * ym / mm) / (mean * mean);
+  }
+  return sum;
+}
+
+// The best of a grid over both numbers, refined twice. Means over a second have independent noise, nearly.
+std::optional<Creep> creep_of(const std::vector<Series>& series, const std::vector<Hold>& holds) {
+  std::vector<Series> longs;
+  std::size_t readings = 0;
+  for (std::size_t h = 0; h < holds.size(); ++h) {
+    if (holds[h].lasted_s < kLongHold_s) continue;
+    Series means;
+    double sum = 0, time = 0, from_s = 0;
+    int count = 0;
+    for (std::size_t i = 0; i < series[h].force_n.size(); ++i) {
+      if (count > 0 && series[h].after_s[i] >= from_s + 1) {
+        means.force_n.push_back(sum / count);
+        means.after_s.push_back(time / count);
+        sum = time = 0;
+        count = 0;
+      }
+      if (count == 0) from_s = series[h].after_s[i];
+      sum += series[h].force_n[i];
+      time += series[h].after_s[i];
+      ++count;
+    }
+    readings += means.force_n.size();
+    longs.push_back(std::move(means));
+  }
+  if (longs.empty()) return std::nullopt;
+  Creep best{.share = 0.1, .after_s = 20, .sigma = 0};
+  double least = std::numeric_limits<double>::infinity(), share_step = 0.1, time_step = 3;
+  constexpr int kSide = 10, kRounds = 6;
+  for (int round = 0; round < kRounds; ++round) {
+    const Creep middle = best;
+    for (int i = -kSide; i <= kSide; ++i) {
+      for (int j = -kSide; j <= kSide; ++j) {
+        const double share = std::max(0.0, middle.share + share_step * i / kSide);
+        const double after_s =
+            std::clamp(middle.after_s * std::pow(time_step, static_cast<double>(j) / kSide), 2.0, 90.0);
+        const double sum = misfit(longs, share, after_s);
+        if (sum < least) {
+          least = sum;
+          best = {.share = share, .after_s = after_s, .sigma = 0};
+        }
+      }
+    }
+    share_step /= 2;
+    time_step = std::sqrt(time_step);
+  }
+  const double variance = least / std::max<double>(1, static_cast<double>(readings) - 3);
+  constexpr double kStep = 0.01;
+  const double curvature = (misfit(longs, best.share + kStep, best.after_s) - least) / (kStep * kStep);
+  best.sigma = curvature > 0 ? std::sqrt(variance / curvature) : 1;
+  return best;
+}
+
+/// Force of the pack had the finger not crept.
+double without_creep(const Series& series, const std::optional<Creep>& creep) {
+  double sum = 0;
+  for (std::size_t i = 0; i < series.force_n.size(); ++i) {
+    const double more = creep ? 1 + creep->share * crept(series.after_s[i], creep->after_s) : 1;
+    sum += series.force_n[i] / more;
+  }
+  return sum / static_cast<double>(series.force_n.size());
+}
+
+double median_of(std::vector<double> numbers) { return quantile(std::move(numbers), 0.5); }
+
+// A wrong hole shows by the touch, a wrong weight by a force that no other agrees with.
+void check_holds(const FitBasis& basis, const std::vector<Hold>& holds) {
+  std::vector<double> along, scale;
+  for (const Hold& hold : holds) {
+    along.push_back(static_cast<double>((hold.point_mm - hold.truth_mm).dot(basis.face_axes.col(2))));
+    scale.push_back(std::log(hold.force_n / hold.pack_force_n));
+  }
+  const double usual_mm = median_of(along), usual_scale = median_of(scale);
+  for (const Hold& hold : holds) {
+    const Vec3f seen_mm = hold.point_mm - static_cast<float>(usual_mm) * basis.face_axes.col(2);
+    const auto away_mm = [&](const JigHole& hole) { return (hole.contact_mm.cast<float>() - seen_mm).norm(); };
+    const auto nearest = std::ranges::min_element(basis.holes, {}, away_mm);
+    if (nearest->number != hold.hole && static_cast<double>((seen_mm - hold.truth_mm).norm()) > kWrongPlace_mm) {
+      throw InputError(hold.name, "hole", std::to_string(hold.hole) + " in the list of weights",
+                       std::to_string(nearest->number) + ", which is where the finger was touched");
+    }
+  }
+  for (std::size_t i = 0; i < holds.size(); ++i) {
+    const double off = scale[i] - usual_scale;
+    if (holds.size() < 3 || std::abs(off) < kWrongForce) continue;
+    constexpr double kGramsPerNewton = 1000 / 9.80665;
+    throw InputError(holds[i].name, "mass_g", std::to_string(std::lround(kGramsPerNewton * holds[i].force_n)),
+                     "about " + std::to_string(std::lround(kGramsPerNewton * holds[i].force_n * std::exp(-off))) +
+                         ", as the other recordings have it");
+  }
+}
+
+struct Offsets {
+  Terms mean = Terms::Zero();
+  Eigen::Matrix<double, kTerms, kTerms> covariance;
+};
+
+Offsets offsets(const Terms& prior_mm, double rest_mm, const std::vector<Terms>& terms,
+                const std::vector<double>& seen) {
+  Eigen::Matrix<double, kTerms, kTerms> information = prior_mm.cwiseAbs2().cwiseInverse().asDiagonal();
+  Terms right = Terms::Zero();
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    information += terms[i] * terms[i].transpose() / (rest_mm * rest_mm);
+    right += seen[i] * terms[i] / (rest_mm * rest_mm);
+  }
+  Offsets found;
+  found.covariance = information.inverse();
+  found.mean = found.covariance * right;
+  return found;
+}
+
+Terms terms_at(const FitValues& values, const Vec3f& point_mm) {
+  const auto terms = offset_terms(values, point_mm);
+  return Eigen::Map<const Eigen::Matrix<float, kTerms, 1>>(terms.data()).cast<double>();
+}
+
+/// Of both offsets together, where the weights were.
+void fit_offsets(const FitBasis& basis, WeightFit& fit) {
+  std::vector<Terms> terms;
+  std::vector<double> across, along;
+  for (const Hold& hold : fit.holds) {
+    terms.push_back(terms_at(fit.values, hold.point_mm));
+    const Vec3f off_mm = hold.point_mm - hold.truth_mm;
+    across.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(1))));
+    along.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(2))));
+  }
+  const Offsets x = offsets(kAcrossPrior_mm, kAcrossRest_mm, terms, across),
+                y = offsets(kAlongPrior_mm, kAlongRest_mm, terms, along);
+  Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.across_mm.data()) = x.mean.cast<float>();
+  Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.along_mm.data()) = y.mean.cast<float>();
+  double unknown_sq = 0;
+  for (const JigHole& hole : basis.holes) {
+    const Terms at = terms_at(fit.values, hole.contact_mm.cast<float>());
+    unknown_sq += at.dot((x.covariance + y.covariance) * at) / static_cast<double>(basis.holes.size());
+  }
+  fit.values.touch_radius_mm =
+      static_cast<float>(std::sqrt(unknown_sq + kAcrossRest_mm * kAcrossRest_mm + kAlongRest_mm * kAlongRest_mm));
+}
+
+void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightFit& fit) {
+  const double tolerance = static_cast<double>(basis.force_tolerance);
+  const double rest_sq = kForceRest * kForceRest;
+  double information = 1 / (tolerance * tolerance), sum = 0;
+  for (const Hold& hold : fit.holds) {
+    information += 1 / rest_sq;
+    sum += std::log(hold.force_n / hold.pack_force_n) / rest_sq;
+  }
+  fit.values.force_scale = static_cast<float>(std::exp(sum / information));
+  fit.values.force_scale_sigma = static_cast<float>(std::sqrt(1 / information));
+  const double of_creep = creep ? std::min(creep->sigma, kUnknownCreep) : kUnknownCreep;
+  fit.values.force_sigma =
+      static_cast<float>(std::sqrt(1 / information + rest_sq + of_creep * of_creep + kHysteresis * kHysteresis));
+}
+
+void note_errors(const FitBasis& basis, WeightFit& fit) {
+  for (Hold& hold : fit.holds) {
+    Touch touch{.point_mm = hold.point_mm, .quality = Quality::kFresh};
+    FingerFit(fit.values).apply(basis.face_axes, 1, touch);
+    hold.touch_error_mm = touch.point_mm - hold.truth_mm;
+    hold.force_error = static_cast<double>(fit.values.force_scale) * hold.pack_force_n / hold.force_n - 1;
+  }
+}
+
+void note_untold(const FitBasis& basis, const std::optional<Creep>& creep, WeightFit& fit) {
+  if (!creep) {
+    fit.untold.push_back("creep: no weight hung for " + std::to_string(static_cast<int>(kLongHold_s)) +
+                         " seconds or longer, so that forces that last are " +
+                         std::to_string(static_cast<int>(100 * kUnknownCreep)) + " % less sure");
+  }
+  const auto spread = [&](int axis) {
+    float lowest = std::numeric_limits<float>::infinity(), highest = -lowest;
+    for (const Hold& hold : fit.holds) {
+      lowest = std::min(lowest, hold.truth_mm[axis]);
+      highest = std::max(highest, hold.truth_mm[axis]);
+    }
+    return highest - lowest;
+  };
+  if (spread(1) < basis.face_half_mm[1])
+    fit.untold.emplace_back("touch offset along the finger: the weights hung at one height");
+  if (spread(0) < basis.face_half_mm[0])
+    fit.untold.emplace_back("touch offset across the finger: the weights hung in one column");
+}
+
+}  // namespace
+
+FitBasis fit_basis(const FingerSpec& spec, const Model& model) {
+  FitBasis basis;
+  basis.holes = jig_holes(spec);
+  basis.model_checksum = model.checksum;
+  basis.face_axes = Eigen::Map<const Eigen::Matrix3f>(model.touch.face_axes.data());
+  const double middle_mm = (spec.touch_y_mm[0] + spec.touch_y_mm[1]) / 2;
+  basis.face_middle_mm = Vec3f(0, static_cast<float>(middle_mm), static_cast<float>(spec.front_z.at(middle_mm)));
+  basis.face_half_mm = {static_cast<float>(spec.half_width.at(middle_mm)),
+                        static_cast<float>((spec.touch_y_mm[1] - spec.touch_y_mm[0]) / 2)};
+  basis.force_tolerance = model.touch.stiffness_tolerance;
+  basis.touch_tolerance_mm = model.touch.touch_tolerance_mm;
+  return basis;
+}
+
+WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& records, std::uint16_t today) {
+  WeightFit fit;
+  fit.values.model_checksum = basis.model_checksum;
+  fit.values.fitted_on = today;
+  fit.values.face_middle_mm = basis.face_middle_mm;
+  fit.values.face_half_mm = basis.face_half_mm;
+  std::vector<Series> series(records.size());
+  for (std::size_t i = 0; i < records.size(); ++i) fit.holds.push_back(hold_of(basis, records[i], series[i]));
+  const std::optional<Creep> creep = creep_of(series, fit.holds);
+  if (creep) {
+    fit.values.creep_share = static_cast<float>(creep->share);
+    fit.values.creep_s = static_cast<float>(creep->after_s);
+    fit.creep_share_sigma = creep->sigma;
+  }
+  for (std::size_t i = 0; i < records.size(); ++i) fit.holds[i].pack_force_n = without_creep(series[i], creep);
+  check_holds(basis, fit.holds);
+  fit_offsets(basis, fit);
+  fit_force(basis, creep, fit);
+  note_errors(basis, fit);
+  note_untold(basis, creep, fit);
+  return fit;
+}
+
+}  // namespace finsight::host
