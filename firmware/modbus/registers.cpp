@@ -275,7 +275,8 @@ void mark_stalled(RegisterImage& image, const RuntimeSettings& settings) {
   image.words[address_of("limits")] = 0;
   BlockWriter block(image.words, 0, is_low_word_first(image));
   for (const RegisterRow& row : kRegisterTable.measurements) {
-    if (row.may_be_invalid() && row.address != address_of("age")) block.measured(row, 0, false);
+    const bool is_of_frame = row.may_be_invalid() && row.address < address_of("force_scale");
+    if (is_of_frame && row.address != address_of("age")) block.measured(row, 0, false);
   }
   // Peaks and minima stay what they were.
   BlockWriter process = process_writer(image);

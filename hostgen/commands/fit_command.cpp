@@ -28,7 +28,7 @@ struct Options {
 
 void print_fit(const WeightFit& fit, const FitBasis& basis) {
   std::printf("recording             hole  weight N  held s  pack's N  force off %%  touch off mm (across, up)\n");
-  for (const Hold& hold : fit.holds) {
+  for (const WeightHold& hold : fit.holds) {
     std::printf("%-20s  %4d  %8.2f  %6.1f  %8.2f  %+11.1f  %+6.2f %+6.2f\n", hold.name.c_str(), hold.hole, hold.force_n,
                 hold.lasted_s, hold.pack_force_n, 100 * hold.force_error, static_cast<double>(hold.touch_error_mm.x()),
                 static_cast<double>(hold.touch_error_mm.y()));

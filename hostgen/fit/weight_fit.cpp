@@ -52,9 +52,9 @@ const JigHole& hole_of(const FitBasis& basis, const WeightRecord& record) {
                    "1 to " + std::to_string(basis.holes.size()) + ", as printed on the jig");
 }
 
-Hold hold_of(const FitBasis& basis, const WeightRecord& record, Series& series) {
+WeightHold hold_of(const FitBasis& basis, const WeightRecord& record, Series& series) {
   const auto [first, end] = longest_touch(record.readings);
-  Hold hold{.name = record.name, .hole = record.hole, .force_n = record.force_n};
+  WeightHold hold{.name = record.name, .hole = record.hole, .force_n = record.force_n};
   hold.truth_mm = hole_of(basis, record).contact_mm.cast<float>();
   if (first < end) {
     hold.began_s = record.readings[first].time_s;
@@ -104,7 +104,7 @@ double misfit(const std::vector<Series>& all, double share, double creep_s) {
 }
 
 // The best of a grid over both numbers, refined twice. Means over a second have independent noise, nearly.
-std::optional<Creep> creep_of(const std::vector<Series>& series, const std::vector<Hold>& holds) {
+std::optional<Creep> creep_of(const std::vector<Series>& series, const std::vector<WeightHold>& holds) {
   std::vector<Series> longs;
   std::size_t readings = 0;
   for (std::size_t h = 0; h < holds.size(); ++h) {
@@ -168,14 +168,14 @@ double without_creep(const Series& series, const std::optional<Creep>& creep) {
 double median_of(std::vector<double> numbers) { return quantile(std::move(numbers), 0.5); }
 
 // A wrong hole shows by the touch, a wrong weight by a force that no other agrees with.
-void check_holds(const FitBasis& basis, const std::vector<Hold>& holds) {
+void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
   std::vector<double> along, scale;
-  for (const Hold& hold : holds) {
+  for (const WeightHold& hold : holds) {
     along.push_back(static_cast<double>((hold.point_mm - hold.truth_mm).dot(basis.face_axes.col(2))));
     scale.push_back(std::log(hold.force_n / hold.pack_force_n));
   }
   const double usual_mm = median_of(along), usual_scale = median_of(scale);
-  for (const Hold& hold : holds) {
+  for (const WeightHold& hold : holds) {
     const Vec3f seen_mm = hold.point_mm - static_cast<float>(usual_mm) * basis.face_axes.col(2);
     const auto away_mm = [&](const JigHole& hole) { return (hole.contact_mm.cast<float>() - seen_mm).norm(); };
     const auto nearest = std::ranges::min_element(basis.holes, {}, away_mm);
@@ -222,7 +222,7 @@ Terms terms_at(const FitValues& values, const Vec3f& point_mm) {
 void fit_offsets(const FitBasis& basis, WeightFit& fit) {
   std::vector<Terms> terms;
   std::vector<double> across, along;
-  for (const Hold& hold : fit.holds) {
+  for (const WeightHold& hold : fit.holds) {
     terms.push_back(terms_at(fit.values, hold.point_mm));
     const Vec3f off_mm = hold.point_mm - hold.truth_mm;
     across.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(1))));
@@ -245,7 +245,7 @@ void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightF
   const double tolerance = static_cast<double>(basis.force_tolerance);
   const double rest_sq = kForceRest * kForceRest;
   double information = 1 / (tolerance * tolerance), sum = 0;
-  for (const Hold& hold : fit.holds) {
+  for (const WeightHold& hold : fit.holds) {
     information += 1 / rest_sq;
     sum += std::log(hold.force_n / hold.pack_force_n) / rest_sq;
   }
@@ -257,7 +257,7 @@ void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightF
 }
 
 void note_errors(const FitBasis& basis, WeightFit& fit) {
-  for (Hold& hold : fit.holds) {
+  for (WeightHold& hold : fit.holds) {
     Touch touch{.point_mm = hold.point_mm, .quality = Quality::kFresh};
     FingerFit(fit.values).apply(basis.face_axes, 1, touch);
     hold.touch_error_mm = touch.point_mm - hold.truth_mm;
@@ -273,7 +273,7 @@ void note_untold(const FitBasis& basis, const std::optional<Creep>& creep, Weigh
   }
   const auto spread = [&](int axis) {
     float lowest = std::numeric_limits<float>::infinity(), highest = -lowest;
-    for (const Hold& hold : fit.holds) {
+    for (const WeightHold& hold : fit.holds) {
       lowest = std::min(lowest, hold.truth_mm[axis]);
       highest = std::max(highest, hold.truth_mm[axis]);
     }

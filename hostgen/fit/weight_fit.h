@@ -19,7 +19,7 @@ struct WeightRecord {
 };
 
 /// What a recording shows while the weight hangs.
-struct Hold {
+struct WeightHold {
   std::string name;
   int hole = 0;
   double force_n = 0;
@@ -35,7 +35,7 @@ struct Hold {
 struct WeightFit {
   FitValues values;
   double creep_share_sigma = 0;
-  std::vector<Hold> holds;
+  std::vector<WeightHold> holds;
   std::vector<std::string> untold;  ///< what the recordings do not tell, in words
 };
 

@@ -218,7 +218,7 @@ TEST_CASE("saved state: a file that is cut or not valid is refused with line and
   CHECK(refusal("hold_time = 1234", "hold_time = 10001").find("state.toml:10: settings.hold_time: found 10001") !=
         std::string::npos);
   CHECK(refusal("contact_on = 20", "contact_on = 10").find("\"on\" is not above its \"off\"") != std::string::npos);
-  CHECK(refusal("version = 4", "version = 5").find("version: found 5") != std::string::npos);
+  CHECK(refusal("version = 5", "version = 6").find("version: found 6") != std::string::npos);
   CHECK(refusal("light = 1", "lamp = 1").find("light") != std::string::npos);
 }
 
@@ -282,7 +282,7 @@ TEST_CASE("saved state: of a file of version 1 the settings are used, and its ze
   const auto file = folder / "state.toml";
   save(file, changed());
   std::string text = text_of(file);
-  text.replace(text.find("version = 4"), 11, "version = 1");
+  text.replace(text.find("version = 5"), 11, "version = 1");
   const std::size_t newer = text.find("master_timeout = ");  // this setting and all behind it came with version 3
   text.erase(newer, text.find("[zero]") - newer);
   folder.write("state.toml", text.substr(0, text.find("model = ")));

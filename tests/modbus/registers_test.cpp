@@ -61,6 +61,11 @@ Scene touched_finger() {
   s.state.model_checksum = 0xCAFEBABE;
   s.state.rated_deformation_mm = 6.5F;
   s.state.scene = scene_code("grasp");
+  s.state.force_scale = 1.1F;
+  s.state.force_scale_sigma = 0.03F;
+  s.state.fitted_on = 9823;
+  s.state.today = 9835;
+  s.state.settings[kVerifiedOn] = 9830;
   s.state.limits = {.contact = true, .gentle = true};
   return s;
 }
@@ -82,7 +87,8 @@ TEST_CASE("registers: a touched finger encodes to words worked out by hand") {
       22,     30,     15,     31,     12,     8,                       // 60: its deviations
       0x4060, 0x0000, 0xBFA0, 0x0000, 0x3F40, 0x0000,                  // 66: force vector as floats
       0x3E80, 0x0000, 0xBE00, 0x0000, 0x3D83, 0x126F,                  // 72: moment as floats
-      0,      0,      2};                                              // 78: reserved, scene
+      0,      0,      2,                                               // 78: reserved, scene
+      1100,   30,     9823,   5};                                      // 81: force scale, fitted, verified
   const RegisterImage image = touched_finger().encoded();
   CHECK(std::vector<std::uint16_t>(image.words.begin(), image.words.end()) == expected);
   CHECK(image.exposure_ns == 5'000'000'000);
@@ -250,4 +256,31 @@ TEST_CASE("registers: the age is the time from the exposure to the read") {
   RegisterImage never = Scene{}.encoded();
   set_age(never, 5'000'000'000);
   CHECK(never.words[3] == 65535);
+}
+
+TEST_CASE("registers: a finger that was not verified in time is a warning, where that is asked for") {
+  const auto warnings = [](std::uint16_t on, std::uint16_t verdict, std::uint16_t every, std::uint16_t today) {
+    Scene s = touched_finger();
+    s.state.warnings = kCameraSlow;
+    s.state.today = today;
+    s.state.settings[kVerifiedOn] = on;
+    s.state.settings[kVerdict] = verdict;
+    s.state.settings[kVerifyEvery] = every;
+    return s.encoded().words[address_of("warnings")];
+  };
+  constexpr std::uint16_t kPassed = 1, kFailed = 2;
+  CHECK(warnings(0, 0, 0, 9000) == kCameraSlow);
+  CHECK(warnings(0, 0, 30, 9000) == (kCameraSlow | kNotVerified));
+  CHECK(warnings(8990, kPassed, 30, 9000) == kCameraSlow);
+  CHECK(warnings(8990, kFailed, 30, 9000) == (kCameraSlow | kNotVerified));
+  CHECK(warnings(8900, kPassed, 30, 9000) == (kCameraSlow | kNotVerified));
+  CHECK(warnings(8990, kPassed, 30, 100) == kCameraSlow);  // a board whose clock was never set
+}
+
+TEST_CASE("registers: the days since a verification are told only by a device that knows the day") {
+  Scene s = touched_finger();
+  s.state.today = 100;
+  CHECK(s.encoded().words[address_of("verified_days_ago")] == 0xFFFF);
+  s.state.fitted_on = 0;
+  CHECK(s.encoded().words[address_of("fitted_on")] == 0xFFFF);
 }

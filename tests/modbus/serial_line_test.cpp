@@ -127,8 +127,8 @@ TEST_CASE("serial line: reads, refused requests and identification get their exa
   Served served(bus.device());
   REQUIRE(served.reports.wait_for("is open"));
   CHECK(bus.ask(kRead, kReply.size()) == kReply);
-  CHECK(bus.ask(sealed(hex("11 04 0050 0001")), 7) == sealed(hex("11 04 02 1050")));
-  CHECK(bus.ask(sealed(hex("11 03 0050 0002")), 5) == sealed(hex("11 83 02")));
+  CHECK(bus.ask(sealed(hex("11 04 0054 0001")), 7) == sealed(hex("11 04 02 1054")));
+  CHECK(bus.ask(sealed(hex("11 03 0054 0002")), 5) == sealed(hex("11 83 02")));
   CHECK(bus.ask(sealed(hex("11 03 0000 007E")), 5) == sealed(hex("11 83 03")));
   CHECK(bus.ask(sealed(hex("11 06 0001 0003")), 5) == sealed(hex("11 86 02")));
   CHECK(bus.ask(sealed(hex("11 10 0001 0001 02 0003")), 5) == sealed(hex("11 90 02")));

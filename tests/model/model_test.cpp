@@ -173,7 +173,7 @@ TEST_CASE("model: refuses tensors of another shape, with what was found and expe
       {zeros<float>(tensor::kCameraPose, {3, 4}), "expected F32 [4, 4]"},
       {zeros<std::int32_t>(tensor::kMarkerIds, {4}), "expected I32 [3]"},
       {zeros<float>(tensor::kSelfTestPoses, {0, 18}), "found length 0, expected 1 to 64"},
-      {zeros<std::uint16_t>(tensor::kSelfTestRegisters, {2, 47}), "expected U16 [2, 81]"},
+      {zeros<std::uint16_t>(tensor::kSelfTestRegisters, {2, 47}), "expected U16 [2, 85]"},
   };
   const ScratchFolder folder;
   for (const Hostile& hostile : all) {

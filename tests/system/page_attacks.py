@@ -34,7 +34,7 @@ class Interface(unittest.TestCase):
         cls.addClassCleanup(cls.device.__exit__)
 
     def test_the_state_is_what_a_modbus_client_reads(self):
-        answer = subprocess.run(["mbpoll", "-m", "tcp", "-t", "3", "-r", "1", "-c", "81", "-1", "-p", str(self.device.port), "127.0.0.1"],
+        answer = subprocess.run(["mbpoll", "-m", "tcp", "-t", "3", "-r", "1", "-c", "85", "-1", "-p", str(self.device.port), "127.0.0.1"],
                                 capture_output=True, text=True, timeout=60)
         words = [int(line.split()[1]) & 0xFFFF for line in answer.stdout.splitlines() if line.startswith("[")]
         state = self.device.get("/api/state")[1]

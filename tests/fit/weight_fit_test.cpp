@@ -1,0 +1,103 @@
+#include "hostgen/fit/weight_fit.h"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+#include "firmware/input_error.h"
+#include "hostgen/util/random.h"
+
+using namespace finsight;
+using namespace finsight::host;
+
+namespace {
+
+FitBasis basis() {
+  FitBasis basis;
+  for (int i = 0; i < 9; ++i) {
+    const Eigen::Vector3d at_mm(14.0 * (i % 3 - 1), 30 + 30 * (i / 3), 0);
+    basis.holes.push_back({.number = i + 1, .contact_mm = at_mm, .inward = Eigen::Vector3d::UnitZ()});
+  }
+  basis.face_axes << 0, 1, 0, 0, 0, 1, 1, 0, 0;
+  basis.face_middle_mm = Vec3f(0, 60, 0);
+  basis.face_half_mm = {20, 45};
+  basis.force_tolerance = 0.25F;
+  basis.touch_tolerance_mm = 1.5F;
+  return basis;
+}
+
+struct Truth {
+  double scale = 1.3, creep = 0.1, creep_s = 12, up_mm = 1.5;
+};
+
+/// A finger whose pack says 1 / scale of the force, and a touch that is too far up.
+WeightRecord record(int hole, double force_n, double seconds, const Truth& truth, Random& random) {
+  WeightRecord record{.name = "w" + std::to_string(hole), .hole = hole, .force_n = force_n, .readings = {}};
+  const Vec3f at_mm = basis().holes[static_cast<std::size_t>(hole - 1)].contact_mm.cast<float>();
+  for (double t = -1; t < seconds; t += 0.1) {
+    TouchReading reading{.time_s = t + 3};
+    if (t >= 0) {
+      reading.is_valid = true;
+      reading.force_n =
+          force_n / truth.scale * (1 - truth.creep * std::expm1(-t / truth.creep_s)) + 0.02 * random.normal();
+      reading.point_mm = at_mm + Vec3f(0, static_cast<float>(truth.up_mm + 0.2 * random.normal()), 0);
+    }
+    record.readings.push_back(reading);
+  }
+  return record;
+}
+
+std::vector<WeightRecord> nine(const Truth& truth) {
+  Random random(4);
+  std::vector<WeightRecord> records;
+  for (int hole = 1; hole <= 9; ++hole) records.push_back(record(hole, 3, hole == 5 ? 60 : 5, truth, random));
+  return records;
+}
+
+}  // namespace
+
+TEST_CASE("weight fit: scale, creep and offset come out of nine weights") {
+  const WeightFit fit = fit_weights(basis(), nine({}), 9000);
+  CHECK(fit.values.force_scale == doctest::Approx(1.3).epsilon(0.02));
+  CHECK(fit.values.creep_share == doctest::Approx(0.1).epsilon(0.1));
+  CHECK(fit.values.creep_s == doctest::Approx(12).epsilon(0.2));
+  CHECK(fit.values.along_mm[0] == doctest::Approx(1.5).epsilon(0.15));
+  CHECK(std::abs(fit.values.across_mm[0]) < 0.1F);
+  CHECK(fit.values.force_sigma < 0.08F);
+  CHECK(fit.values.touch_radius_mm < 1);
+  CHECK(fit.values.fitted_on == 9000);
+  CHECK(fit.untold.empty());
+  for (const WeightHold& hold : fit.holds) CHECK(std::abs(hold.force_error) < 0.02);
+}
+
+TEST_CASE("weight fit: what few weights do not tell is said and stays wide") {
+  Random random(5);
+  const WeightFit fit = fit_weights(basis(), {record(4, 3, 5, {}, random), record(6, 3, 5, {}, random)}, 9000);
+  REQUIRE(fit.untold.size() == 2);
+  CHECK(fit.untold[0].find("creep") == 0);
+  CHECK(fit.untold[1].find("along") != std::string::npos);
+  CHECK(fit.values.creep_share == 0);
+  CHECK(fit.values.force_sigma > fit_weights(basis(), nine({}), 9000).values.force_sigma);
+  CHECK(fit.values.touch_radius_mm > fit_weights(basis(), nine({}), 9000).values.touch_radius_mm);
+}
+
+TEST_CASE("weight fit: a weight at another hole is named with that hole") {
+  std::vector<WeightRecord> records = nine({});
+  records[2].hole = 7;
+  CHECK_THROWS_WITH_AS(fit_weights(basis(), records, 9000), doctest::Contains("w3: hole: found 7"), InputError);
+}
+
+TEST_CASE("weight fit: a wrong weight is named with the one that fits the others") {
+  std::vector<WeightRecord> records = nine({});
+  records[6].force_n = 6;
+  CHECK_THROWS_WITH_AS(fit_weights(basis(), records, 9000), doctest::Contains("w7: mass_g: found 612"), InputError);
+}
+
+TEST_CASE("weight fit: a recording without a touch is refused, and a hole that the jig does not have") {
+  std::vector<WeightRecord> records = nine({});
+  for (TouchReading& reading : records[0].readings) reading.is_valid = false;
+  CHECK_THROWS_WITH_AS(fit_weights(basis(), records, 9000), doctest::Contains("w1: touched for"), InputError);
+  records = nine({});
+  records[0].hole = 10;
+  CHECK_THROWS_WITH_AS(fit_weights(basis(), records, 9000), doctest::Contains("1 to 9"), InputError);
+}
