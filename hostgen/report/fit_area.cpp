@@ -288,8 +288,11 @@ json measure_fits(const Model& model, const FingerSpec& spec, const std::filesys
   }
   json fit = {{"fingers", fingers}, {"refused", refused}, {"scene", model.scene}, {"each", rows}};
   for (std::size_t v = 0; v < kVariants; ++v) {
-    fit[kVariantNames[v]] = all[v].figures();
-    std::printf("%-15s %s\n", kVariantNames[v], fit[kVariantNames[v]].dump().c_str());
+    json row = all[v].figures();
+    fit[kVariantNames[v]] = row;
+    std::printf("%-15s %s\n", kVariantNames[v], row.dump().c_str());
+    row["fit"] = kVariantNames[v];
+    fit["rows"].push_back(row);
   }
   plot_fingers(results, folder / "fit.svg");
   return {{"fit", fit}};

@@ -120,7 +120,7 @@ def nothing(_):
 # Area: what hostgen does not measure by itself, and how many seconds it takes, quick and in full, where nobody has measured.
 AREAS = {
     "solver": (solver, 40, 420), "hard": (nothing, 25, 600), "fem": (nothing, 10, 120), "touch": (nothing, 15, 240),
-    "scene": (nothing, 20, 300), "real": (nothing, 5, 240), "force": (nothing, 10, 120), "vision": (nothing, 30, 240),
+    "scene": (nothing, 20, 300), "fit": (nothing, 40, 900), "real": (nothing, 5, 240), "force": (nothing, 10, 120), "vision": (nothing, 30, 240),
     "modbus": (modbus, 40, 240), "page": (page, 30, 180), "fingers": (fingers, 16, 70), "pictures": (nothing, 30, 300),
     "appliance": (appliance, 1, 1),
 }

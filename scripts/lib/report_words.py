@@ -48,6 +48,9 @@ HEADINGS = {
     "dropped": "frames dropped", "memory_mb": "memory, MB", "growth_exponent_operations": "growth exponent of the factor's operations",
     "multiply_adds_per_us": "multiply-adds in a µs", "cache_bytes_per_us": "bytes read from the cache in a µs",
     "memory_bytes_per_us": "bytes read from memory in a µs",
+    "fit": "fit", "forces": "forces", "force_relative": ("force, mean relative error, %", PERCENT), "force_mean_n": "mean error, N",
+    "force_coverage_68": ("force inside its deviation, %", PERCENT), "touch_mean_mm": "touch, mean error, mm",
+    "drift": ("drift over a minute, %", PERCENT), "drift_inside_deviation": ("drift inside the deviation, %", PERCENT),
     "path": "path", "varied": "varied", "value": "value", "corners": "corners", "markers_lost": "markers lost",
     "edges_bias_px": "edge fit, bias, px", "edges_rms_px": "edge fit, RMS, px", "sub_pix_bias_px": "cornerSubPix, bias, px",
     "sub_pix_rms_px": "cornerSubPix, RMS, px", "motion": "motion",
@@ -155,6 +158,18 @@ SECTIONS = {
                                     "y_mm_2", "normal_n_2", "across_n_2", "along_n_2", "radius_mm_2"],
                     "What plate motions can tell at best: median standard deviation by the Fisher information at the spec's "
                     "noise, for contacts that move a plate by 4 mm or more.", "")]},
+    "fit": {
+        "title": "Fingers as a workshop makes them, before and after nine weights", "area": "fit",
+        "code": ["hostgen/render/virtual_finger.h", "hostgen/fit/weight_fit.h"],
+        "text": "Virtual fingers that no tuning has seen: walls, stiffness, markers, camera, lens, creep, hysteresis and "
+                "temperature drawn from the workshop's ranges, solved on a finer mesh than the pack's, and measured by the whole "
+                "firmware from the corners of their markers on. Mount measured and zeroed; a weight at each hole of the jig, one "
+                "of them for a minute; then touches elsewhere of any age up to 20 s, half of them after a larger force. Touches "
+                "count from 4 mm of plate motion on.",
+        "pictures": [("fit.svg", "Each finger's mean errors, before and after the fit; below the line the fit helps.")],
+        "tables": [("fit.rows", ["fit", "forces", "force_relative", "force_mean_n", "force_coverage_68", "touches", "touch_mean_mm",
+                                 "touch_95_mm", "coverage_68", "drift", "drift_inside_deviation"],
+                    "All fingers together, and with one part of the fit left out each.", "")]},
     "vision": {
         "title": "Pixels to registers", "area": "vision", "code": ["firmware/vision/observer.h"],
         "text": "Rendered images of one touch path through every stage of the firmware.",
