@@ -119,7 +119,8 @@ constexpr const char* kStyle =
     ".plots{display:flex;gap:2rem;flex-wrap:wrap}.plots figure{flex:1 1 18rem;margin:0;max-width:26rem}"
     "svg{width:100%;max-height:26rem;font-size:11px}svg .hole{font-size:4px}"
     ".axis{fill:none;stroke:#445}.aim{stroke:#99a;stroke-dasharray:4}.bar,.error{stroke:#2358a6;stroke-width:1}"
-    ".error{stroke-width:.5}.up{fill:#2358a6}.down{fill:#c7651a}.face{fill:#eef2f6;stroke:#99a}.radius{fill:none;"
+    ".error{stroke-width:.5}.up{fill:#2358a6}.down{fill:#c7651a}.face{fill:#eef2f6;stroke:#99a;stroke-width:.5}.radius{"
+    "fill:none;"
     "stroke:#99a;"
     "stroke-width:.3}code{white-space:pre-wrap}@media(prefers-color-scheme:dark){body{color:#e4e9ee;background:#12181e}"
     "td,th{border-color:#394450}.face{fill:#1f2933}svg text{fill:#e4e9ee}.axis{stroke:#aab}}"
@@ -174,7 +175,7 @@ std::string certificate_html(const VerificationPlan& plan, const Verification& v
        << "<title>Certificate " << escaped(plan.finger) << "</title><style>" << kStyle
        << "</style><h1>Verification of finger " << escaped(plan.finger) << "</h1><p>" << date_text(date)
        << " &middot; pack " << escaped(pack) << " &middot; " << verification.plateaus.size() << " weights in "
-       << plan.series.size() << " recordings</p><p class='verdict "
+       << plan.series.size() << (plan.series.size() == 1 ? " recording</p>" : " recordings</p>") << "<p class='verdict "
        << (verification.passed ? "passed'>Passed" : "failed'>Failed")
        << "</p><table><tr><th>What<th>Clause<th>Found<th>Limit<th></tr>";
   for (const Check& check : verification.checks) {
