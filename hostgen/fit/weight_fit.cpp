@@ -88,11 +88,10 @@ struct Creep {
 double misfit(const std::vector<Series>& all, double share, double creep_s) {
   double sum = 0;
   for (const Series& series : all) {
-    double y = 0, yy = 0, m = 0, mm = 0, ym = 0;
+    double y = 0, yy = 0, mm = 0, ym = 0;
     for (std::size_t i = 0; i < series.force_n.size(); ++i) {
       const double model = 1 + share * crept(series.after_s[i], creep_s);
       y += series.force_n[i];
-      m += model;
       yy += series.force_n[i] * series.force_n[i];
       mm += model * model;
       ym += series.force_n[i] * model;

@@ -122,6 +122,7 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px, SessionEvent::kNone);
   LoopSettings settings;
   settings.rest_is_known = false;
+  settings.fit.emplace();  // the pictures are of the finger that the pack was made for
   if (picture.readout_is_told) settings.readout_ms = 1000 * quality.readout_s;
   FrameLoop zeroed(model, camera, settings), unzeroed(model, camera, settings);
   std::vector<std::uint8_t> grey;

@@ -45,7 +45,7 @@ PlateMotion shown_by_marker(const PlateMotion& plate, const Vec3f& offset_mm, co
 class Finger {
  public:
   Finger(const Model& model, const FingerSpec& spec, const SceneCase& scene_case, Random& random)
-      : spec_(spec), case_(scene_case), random_(random), loop_(model, std::nullopt, settings(scene_case)) {
+      : spec_(spec), case_(scene_case), random_(random), loop_(model, std::nullopt, settings(model.touch, scene_case)) {
     for (std::size_t p = 0; p < kPlates; ++p) {
       for (int i = 0; i < 3; ++i) {
         offset_mm_[p][i] = static_cast<float>(scene_case.marker_mm * random.normal());
@@ -71,23 +71,28 @@ class Finger {
     trial.has_shape = status & kShapeValid;
     trial.truth_mm = state.point_mm;
     if (!trial.is_published) return trial;
-    for (int i = 0; i < 3; ++i) trial.found_mm[i] = static_cast<float>(measured_value(image, address_of("touch_x") + i));
+    for (int i = 0; i < 3; ++i)
+      trial.found_mm[i] = static_cast<float>(measured_value(image, address_of("touch_x") + i));
     trial.error_mm = static_cast<double>((trial.found_mm - trial.truth_mm).norm());
     trial.radius_mm = measured_value(image, address_of("touch_uncertainty"));
     for (int i = 0; i < 3; ++i) {
       trial.wrench_error[i] =
           measured_value(image, address_of("force_normal") + i) - static_cast<double>(state.force_vector_n[i]);
       trial.wrench_sigma[i] = measured_value(image, address_of("force_normal_uncertainty") + i);
-      trial.wrench_error[3 + i] =
-          measured_value(image, address_of("wrench_moment_x") + i) - static_cast<double>(state.moment_nmm[i]) / kNmmPerNm;
+      trial.wrench_error[3 + i] = measured_value(image, address_of("wrench_moment_x") + i) -
+                                  static_cast<double>(state.moment_nmm[i]) / kNmmPerNm;
       trial.wrench_sigma[3 + i] = measured_value(image, address_of("wrench_moment_x_uncertainty") + i);
     }
     return trial;
   }
 
  private:
-  static LoopSettings settings(const SceneCase& scene_case) {
+  // Walls apart, the fingers are the one that the pack was made for: as one is that was fitted.
+  static LoopSettings settings(const TouchModel& touch, const SceneCase& scene_case) {
     LoopSettings settings;
+    settings.fit.emplace();
+    settings.fit->force_sigma = touch.stiffness_tolerance;
+    if (scene_case.wall_mm != 0) settings.fit->touch_radius_mm = touch.touch_tolerance_mm;
     settings.shape.tier = ShapeSettings::Tier::kMeasures;
     if (scene_case.gravity != SceneCase::Gravity::kNone) settings.fixed_g.reset();
     return settings;

@@ -141,7 +141,9 @@ double thread_cpu_ms() {
 class Method {
  public:
   Method(const Model& model, const Lens& lens, PoseMethod method)
-      : stage_(model.mount, model.prior, lens, method), touch_(model) {}
+      : stage_(model.mount, model.prior, lens, method), touch_(model) {
+    touch_.use_tolerances(0, 0);  // the pictures are of the finger that the pack was made for
+  }
 
   const PlatePoses& add(const MarkerCorners& corners, double level_permille, const FemState& truth, double rated_mm) {
     const double before_ms = thread_cpu_ms();
@@ -172,11 +174,12 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
   const ImageQuality quality = image_preset(preset);
   Renderer renderer(spec, lens, quality, kSeed);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, lens.width_px, SessionEvent::kNone);
-  FrameLoop loop(model, lens, LoopSettings{});
+  FrameLoop loop(model, lens, {.shape = {}, .runtime = {}, .fit = FitValues{}});
   MarkerStage markers(model, lens);
   Method joint(model, lens, PoseMethod::kJoint), alone(model, lens, PoseMethod::kPublished);
   PoseFilter filter(kSmoothing_ms);
   TouchStage smoothed_touch(model);
+  smoothed_touch.use_tolerances(0, 0);
   Score smoothed_score;
   std::vector<std::uint8_t> grey;
   std::size_t seen = 0;
@@ -251,6 +254,7 @@ json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh,
     MarkerStage markers(model, camera);
     PoseStage poses(model, camera);
     TouchStage touch(model);
+    touch.use_tolerances(0, 0);
     std::vector<std::uint8_t> grey;
     std::vector<double> errors_mm;
     plot.line("$path << E");
