@@ -17,12 +17,17 @@ namespace {
 // after them; up to version 3 a zero did not say how the finger stood.
 constexpr int kVersionWithoutBasis = 1;
 
+bool had_setting(std::int64_t version, int setting) {
+  if (version <= 4 && setting >= kVerifiedOn && setting <= kVerifyEvery) return false;
+  return version > 2 || setting <= kTriggerCommand;
+}
+
 /// Those that the file's version did not have yet get their factory values.
 RuntimeSettings read_settings_table(TomlTable table, std::int64_t version) {
   RuntimeSettings settings;
   for (int i = 0; i < kSettingCount; ++i) {
     const RegisterRow& row = setting_row(i);
-    if (version < kStateVersion && !table.has(row.name)) continue;
+    if (!had_setting(version, i) && !table.has(row.name)) continue;
     settings.words[static_cast<std::size_t>(i)] =
         static_cast<std::uint16_t>(table.integer(row.name, row.lowest, row.highest));
   }

@@ -1,6 +1,7 @@
 // What a camera inside a finger would see at rest: the finger's own walls, and the markers on its plates.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <vector>
 
 #include "firmware/geometry/lens.h"

@@ -25,7 +25,7 @@ def read_table():
 
 ADDRESS, VALUES = read_table()
 STATUS_BIT = {name: 1 << number for name, number in VALUES["status"].items()}
-MEASUREMENTS = ADDRESS["scene"] + 1  # registers; the scene is the last
+MEASUREMENTS = ADDRESS["verified_days_ago"] + 1  # registers; that is the last
 
 
 def signed(word):

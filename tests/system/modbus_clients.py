@@ -171,7 +171,7 @@ const ModbusRTU = require('modbus-serial');
                 self.assertNotEqual(answer.returncode, 0)
                 self.assertIn(reason, answer.stderr)
         self.assertEqual(settings(), before)
-        self.assertEqual(len(before), 18)  # 15 settings, and gravity
+        self.assertEqual(len(before), 23)  # 20 settings, and gravity
         for words, reason in (((), "expected watch, show, set or do"), (("show",), "show: expected the device's address")):
             answer = run(SOURCE / "scripts" / "finsightctl", *words)
             self.assertEqual(answer.returncode, 2)
@@ -243,7 +243,7 @@ const ModbusRTU = require('modbus-serial');
         self.assertEqual(at(after, "wrong_keys", 4), [0, 1, 0x7F00, 0x0001])
         self.assertEqual(at(after, "exceptions_value", 2), [0, 1])
         self.assertEqual(at(after, "exceptions_function", 2), [0, 1])
-        self.assertEqual(client.read_holding_registers(3000, 123, slave=1).exception_code, 2)
+        self.assertEqual(client.read_holding_registers(3001, 125, slave=1).exception_code, 2)
         client.close()
 
     def shown_name(self):

@@ -76,7 +76,7 @@ class Interface(unittest.TestCase):
                 elif line == b"event: registers\n":
                     blocks.append(json.loads(answer.readline().removeprefix(b"data: ")))
         self.assertEqual(numbers, sorted(set(numbers)))
-        self.assertEqual([len(block["measurements"]) for block in blocks], [81] * len(blocks))
+        self.assertEqual([len(block["measurements"]) for block in blocks], [85] * len(blocks))
         self.assertEqual({block["error"] for block in blocks}, {""})
         # By the device's own clock, and a median, as a busy machine may pause: 10 to 20 events a second.
         apart_ms = statistics.median(b - a for a, b in zip(exposures, exposures[1:]))

@@ -140,7 +140,7 @@ class SeveralFingers(unittest.TestCase):
             self.assertEqual(device.client.read_holding_registers(0, 1, slave=3).exception_code, 11)
             agreed = 0
             for _ in range(500):  # the two reads are rarely of two frames
-                gathered, own = device.gathered(), device.read(0, 81, 2)
+                gathered, own = device.gathered(), device.read(0, 85, 2)
                 if gathered("finger_2_heartbeat") != own[2]:
                     continue
                 agreed += 1
