@@ -105,7 +105,7 @@ const std::vector<Exchange>& exchanges() {
       {"a write to the history", hex("0046 0000 0006 01 06 04B0 0001"), hex("0046 0000 0003 01 86 02")},
       {"in the diagnostics: the firmware's version", hex("0047 0000 0006 01 04 0BFE 0001"),
        hex("0047 0000 0005 01 04 02 '" + std::string(FINSIGHT_VERSION).substr(0, 2) + "'")},
-      {"behind the diagnostics", hex("0048 0000 0006 01 03 0C31 0002"), hex("0048 0000 0003 01 83 02")},
+      {"behind the diagnostics", hex("0048 0000 0006 01 03 0C34 0002"), hex("0048 0000 0003 01 83 02")},
       {"before the diagnostics", hex("0049 0000 0006 01 03 0BB7 0001"), hex("0049 0000 0003 01 83 02")},
       {"a write to the diagnostics", hex("004A 0000 0006 01 06 0BB8 0001"), hex("004A 0000 0003 01 86 02")},
       {"another encapsulated interface", hex("002B 0000 0005 01 2B 0D 01 00"), hex("002B 0000 0003 01 AB 01")},
