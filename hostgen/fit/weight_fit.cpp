@@ -20,7 +20,7 @@ using Terms = Eigen::Matrix<double, kTerms, 1>;
 // with `hostgen report ... fit` on fingers that its figures do not count.
 const Terms kAcrossPrior_mm(0.3, 0.5, 0.2, 0.2);
 const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
-constexpr double kAcrossRest_mm = 0.3, kAlongRest_mm = 0.5;
+constexpr double kAcrossRest_mm = 0.35, kAlongRest_mm = 0.7;
 constexpr double kForceRest = 0.04;     // relative, of a force at another place than the weights'
 constexpr double kUnknownCreep = 0.06;  // relative deviation of forces of unknown age
 constexpr double kHysteresis = 0.03;
