@@ -134,18 +134,25 @@ class Flash(Case):
         self.assertIn("used by dm-0", self.flash(fake, "--yes", **environment).stderr)
 
     def test_an_interrupted_card_is_empty(self):
-        card = self.device(64 * MIB)
-        process = subprocess.Popen([SOURCE / "scripts" / "flash", "--yes", self.image, card], start_new_session=True,
-                                   stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        while card.read_bytes()[:1] == b"\xA5" and process.poll() is None:
-            time.sleep(0.001)
-        os.killpg(process.pid, signal.SIGINT)
-        errors = process.communicate(timeout=30)[1]
-        if process.returncode == 0:
-            self.skipTest("written before the interruption came")
-        self.assertEqual(process.returncode, 1, errors)
-        self.assertEqual(card.read_bytes()[:MIB], b"\0" * MIB)
-
+        """Interrupted at many moments, until one comes too late."""
+        for delay_ms in range(30):
+            card = self.device(64 * MIB)
+            process = subprocess.Popen([SOURCE / "scripts" / "flash", "--yes", self.image, card], start_new_session=True,
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            while card.read_bytes()[:1] == b"\xA5" and process.poll() is None:
+                time.sleep(0.001)
+            time.sleep(delay_ms / 1000)
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGINT)
+            errors = process.communicate(timeout=30)[1]
+            start = card.read_bytes()[:MIB]
+            if start[:446] == self.image.read_bytes()[:446]:
+                self.assertGreater(delay_ms, 0, "no interruption came in time")
+                return  # the system was complete before the interruption came
+            with self.subTest(delay_ms=delay_ms):
+                self.assertEqual(process.returncode, -signal.SIGINT, errors)
+                self.assertIn("holds no system until", errors)
+                self.assertTrue(start == bytes(MIB))
 
 class Update(Case):
     def setUp(self):
