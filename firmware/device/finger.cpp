@@ -43,6 +43,10 @@ void take_imported(const Settings& settings, const ZeroBasis& basis) {
 LoopSettings loop_settings_of(const Settings& settings, const Model& model, const std::optional<SessionInfo>& images) {
   LoopSettings loop = settings.loop;
   if (settings.mount) loop.mount = corrected_mount(model.mount, *settings.mount);
+  if (loop.fit && settings.fit_is_stored && loop.fit->model_checksum != model.checksum) {
+    log_message(settings.name, "the fit that was stored on the page is of another model pack and is not used");
+    loop.fit.reset();  // An update that brings a new pack must leave a device that measures.
+  }
   if (loop.fit) check_fit(*loop.fit, model.checksum, settings.fit_where);
   complete_from_source(settings, images, loop);
   return loop;

@@ -5,6 +5,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "firmware/settings/measured_fit.h"
 #include "firmware/vision/ippe.h"
 
 namespace finsight {
@@ -79,6 +80,9 @@ BlockContents contents_of(const Settings& settings, const Model& model, const Su
     about["markers"] = markers_at_rest(mount, images->lens);
   }
   about["mount"] = measured_mount_toml(poses_of(mount));
+  if (const auto& fit = settings.loop.fit; fit && fit->model_checksum == model.checksum) {
+    about["fit"] = measured_fit_toml(*fit);
+  }
   contents.about = about.dump();
   return contents;
 }

@@ -293,7 +293,9 @@ Answer Api::change(const Request& request, const json& body) {
     return done_or(device_.write(kExclusiveRegister, std::array<std::uint16_t, 1>{on->get<bool>()}));
   }
   if (path == "/api/import") return import_all(body);
-  if (path.starts_with("/api/lens/") || path.starts_with("/api/mount/")) return set_up(path, body);
+  if (path.starts_with("/api/lens/") || path.starts_with("/api/mount/") || path.starts_with("/api/fit/")) {
+    return set_up(path, body);
+  }
   if (path == "/api/recordings/delete") return done_or(recordings_.remove(text_of(body, "name")));
   return not_found();
 }
@@ -316,6 +318,8 @@ Answer Api::set_up(const std::string& path, const json& body) {
   if (path == "/api/mount/measure") return done_or(setup_.measure_mount());
   if (path == "/api/mount/use") return restarted(setup_.use(Setup::Part::kMount));
   if (path == "/api/mount/restore") return restarted(setup_.restore(Setup::Part::kMount));
+  if (path == "/api/fit/use") return restarted(setup_.use_fit(text_of(body, "toml")));
+  if (path == "/api/fit/restore") return restarted(setup_.restore(Setup::Part::kFit));
   return not_found();
 }
 

@@ -9,6 +9,7 @@
 #include "firmware/calibrate/lens_calibration.h"
 #include "firmware/input_error.h"
 #include "firmware/settings/atomic_file.h"
+#include "firmware/settings/measured_fit.h"
 #include "firmware/settings/settings.h"
 #include "firmware/settings/state_text.h"
 
@@ -94,6 +95,11 @@ Import checked(const json& file, const Identity& identity, const MountModel& mou
     corrected_mount(mount, measured);
     import.mount = measured_mount_toml(measured);
   }
+  if (file.contains("fit") && !file["fit"].is_null()) {
+    const FitValues fit = read_measured_fit(TomlTable::parse_text(text_in(file, "fit"), "fit"));
+    check_fit(fit, model_checksum, "fit");
+    import.fit = measured_fit_toml(fit);
+  }
   const Zero zero = zero_in(file);
   if (zero.pose && import.mount.empty()) refuse("mount", "nothing", "the mount that the zero was measured with");
   import.state = state_text(settings, zero.pose, zero.g, model_checksum, measured);
@@ -103,8 +109,10 @@ Import checked(const json& file, const Identity& identity, const MountModel& mou
 /// Files of the import, and where they belong.
 std::vector<std::pair<fs::path, std::string>> files_of(const fs::path& folder, const Import& import) {
   std::vector<std::pair<fs::path, std::string>> files;
-  for (const auto& [name, text] :
-       {std::pair{kMeasuredLens, &import.lens}, {kMeasuredMount, &import.mount}, {kImportedState, &import.state}}) {
+  for (const auto& [name, text] : {std::pair{kMeasuredLens, &import.lens},
+                                   {kMeasuredMount, &import.mount},
+                                   {kMeasuredFit, &import.fit},
+                                   {kImportedState, &import.state}}) {
     if (!text->empty()) files.emplace_back(folder / name, *text);
   }
   return files;
@@ -123,6 +131,7 @@ json export_file(const Identity& identity, const json& settings, const json& abo
                {"settings", settings},
                {"lens", json()},
                {"mount", about.value("mount", json())},
+               {"fit", about.value("fit", json())},
                {"zero", json()}};
   if (about.contains("lens")) {
     const json& lens = about["lens"];

@@ -8,6 +8,7 @@
 #include "firmware/input_error.h"
 #include "firmware/model/model.h"
 #include "firmware/settings/atomic_file.h"
+#include "firmware/settings/measured_fit.h"
 
 namespace finsight::page {
 
@@ -285,12 +286,27 @@ std::string Setup::mount_toml() {
 }
 
 fs::path Setup::stored(Part part) const {
-  return settings_.page->measured / (part == Part::kLens ? kMeasuredLens : kMeasuredMount);
+  constexpr std::array kNames = {kMeasuredLens, kMeasuredMount, kMeasuredFit};
+  return settings_.page->measured / kNames[static_cast<std::size_t>(part)];
 }
 
 std::optional<Refusal> Setup::use(Part part) {
   const std::string text = part == Part::kLens ? lens_toml() : mount_toml();
   if (text.empty()) return Refusal{409, "There is no result to store."};
+  return store(part, text);
+}
+
+std::optional<Refusal> Setup::use_fit(const std::string& toml) {
+  try {
+    const FitValues fit = read_measured_fit(TomlTable::parse_text(toml, "fit.toml"));
+    check_fit(fit, Model::open(settings_.pack).checksum, "fit.toml");
+  } catch (const InputError& error) {
+    return Refusal{400, std::string(error.what()) + "."};
+  }
+  return store(Part::kFit, toml);
+}
+
+std::optional<Refusal> Setup::store(Part part, const std::string& text) {
   if (settings_.page->measured.empty()) return Refusal{409, "The board file names no folder for it (page.measured)."};
   try {
     const fs::path file = stored(part);

@@ -37,9 +37,11 @@ class Setup {
   std::optional<Refusal> remove(int id);
   std::optional<Refusal> clear();
   std::optional<Refusal> measure_mount();
-  enum class Part { kLens, kMount };
+  enum class Part { kLens, kMount, kFit };
   /// Stores the result; the former one stays beside it. finsightd uses it from its next start on.
   std::optional<Refusal> use(Part part);
+  /// The same with what `hostgen fit` has written; a fit of another pack is refused.
+  std::optional<Refusal> use_fit(const std::string& toml);
   /// Exchanges what is stored and the former one; without a former one the board file's is used again.
   std::optional<Refusal> restore(Part part);
 
@@ -55,6 +57,7 @@ class Setup {
   void measure();
   bool is_stopping();
   std::filesystem::path stored(Part part) const;
+  std::optional<Refusal> store(Part part, const std::string& text);
 
   const Settings& settings_;
   Device& device_;

@@ -237,6 +237,11 @@ void use_measured(const std::filesystem::path& folder, Settings& settings) {
     settings.mount = read_measured_mount(TomlTable::parse_file(mount));
     settings.measured_files.push_back(mount);
   }
+  if (const auto fit = folder / kMeasuredFit; std::filesystem::is_regular_file(fit)) {
+    settings.loop.fit = read_measured_fit(TomlTable::parse_file(fit));
+    settings.fit_where = fit.string();
+    settings.fit_is_stored = true;
+  }
   const auto lens = folder / kMeasuredLens;
   if (!std::filesystem::is_regular_file(lens)) return;
   settings.measured_lens = lens;

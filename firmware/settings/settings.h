@@ -29,20 +29,20 @@ struct NetworkSettings {
 
 /// Of finsight-page, the commissioning page; finsightd publishes for it.
 struct PageSettings {
-  std::string address = "127.0.0.1";  ///< IPv4 address to listen on; "0.0.0.0" for all
+  std::string address = "127.0.0.1";                    ///< IPv4 address to listen on; "0.0.0.0" for all
   int port = 80;                                        ///< of the first finger; the others' follow it
   bool local_link_only = false;                         ///< answers do not pass a router
   std::vector<Network> allow = {};                      ///< who may look; empty: everybody
   std::vector<Network> allow_writes = {};               ///< who of them may write with the key; empty: all
   std::vector<std::string> names = {};                  ///< that browsers may call the device by, besides its addresses
   std::filesystem::path folder = "/run/finsight-page";  ///< of the published block
-  std::filesystem::path measured = {};                  ///< where the page stores lens and mount; empty: nowhere
+  std::filesystem::path measured = {};                  ///< where the page stores lens, mount and fit; empty: nowhere
   std::filesystem::path updates = {};                   ///< where it puts updates down; empty: there are none
 };
 /// In PageSettings::folder: what finsightd has said last, and before that.
 inline constexpr const char *kLogName = "log", *kLogBefore = "log.1";
 /// In PageSettings::measured. They replace those of the board file or session.
-inline constexpr const char *kMeasuredLens = "lens.toml", *kMeasuredMount = "mount.toml";
+inline constexpr const char *kMeasuredLens = "lens.toml", *kMeasuredMount = "mount.toml", *kMeasuredFit = "fit.toml";
 /// Settings and zero that were imported: at its next start finsightd saves them as its own and removes the file.
 inline constexpr const char* kImportedState = "state.toml";
 
@@ -58,8 +58,10 @@ struct Settings {
   std::optional<GpioSettings> gpio;
   std::filesystem::path measured_lens;  ///< to be used instead of the source's lens; empty: none
   std::string fit_where;                ///< where loop.fit was read, for messages
+  bool fit_is_stored = false;           ///< on the page: one of another pack is ignored instead of refused
   std::optional<MeasuredMount> mount;   ///< of this device; the model's if it was not measured
-  LoopSettings loop{.shape = {.tier = ShapeSettings::Tier::kBest}, .runtime = {}};                    ///< its runtime settings are the factory settings
+  LoopSettings loop{.shape = {.tier = ShapeSettings::Tier::kBest},
+                    .runtime = {}};  ///< its runtime settings are the factory settings
   ModbusSettings modbus;
   std::uint16_t write_key = kDefaultWriteKey;
   std::filesystem::path saved_state;  ///< what clients save; empty: nothing can be saved

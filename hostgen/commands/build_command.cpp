@@ -167,12 +167,13 @@ std::vector<float> motion_per_g(const LinearResponse& response) {
 /// What the work will be like, before it begins; throws InputError if nothing can come of it.
 void look_before(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile) {
   const Probe probe = probe_finger(spec, mesh);
-  const double states = static_cast<double>(path_count(profile.dataset)) * profile.dataset.forces;
+  const auto paths = static_cast<double>(path_count(profile.dataset));
   const auto cores = static_cast<double>(usable_cores());
   std::printf(
-      "%sprobed in %.0f s: %.0f states of %.1f s, about %.0f min on %.0f cores, and %.0f MB for each core's factor\n",
-      probe_text(probe).c_str(), probe.seconds, states, probe.state_cpu_s,
-      std::ceil(states * probe.state_cpu_s / cores / 60), cores, probe.factor_mb);
+      "%sprobed in %.0f s: %.0f load paths of %.1f s, about %.0f min on %.0f cores, and %.0f MB for each core's "
+      "factor\n",
+      probe_text(probe).c_str(), probe.seconds, paths, probe.place_cpu_s,
+      std::ceil(paths * probe.place_cpu_s / cores / 60), cores, probe.factor_mb);
   std::fflush(stdout);
   check_worth_building(spec, probe);
 }

@@ -4,12 +4,9 @@
 #include <cstdio>
 #include <memory>
 
-#include "firmware/input_error.h"
-#include "firmware/ports/session.h"
 #include "firmware/settings/measured_fit.h"
-#include "firmware/settings/measured_mount.h"
 #include "hostgen/commands/commands.h"
-#include "hostgen/fit/session_touches.h"
+#include "hostgen/commands/fitted_device.h"
 #include "hostgen/fit/weight_fit.h"
 #include "hostgen/fit/weight_list.h"
 #include "hostgen/util/common.h"
@@ -21,9 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  std::vector<fs::path> sessions;
-  fs::path spec, pack, weights, mount, output;
-  std::int64_t date = 0;
+  FittedDevice device;
+  fs::path weights, output;
 };
 
 void print_fit(const WeightFit& fit, const FitBasis& basis) {
@@ -48,27 +44,20 @@ void print_fit(const WeightFit& fit, const FitBasis& basis) {
 }
 
 void run(const Options& options) {
-  const FingerSpec spec = read_finger_spec(options.spec);
-  const Model model = Model::open(options.pack);
-  check_writable(options.output, {spec.file, options.pack, options.weights, options.mount});
+  const FittedDevice& device = options.device;
+  const FingerSpec spec = read_finger_spec(device.spec);
+  const Model model = Model::open(device.pack);
+  check_writable(options.output, {spec.file, device.pack, options.weights, device.mount});
   const FitBasis basis = fit_basis(spec, model);
   const std::vector<ListedWeight> weights = read_weights(options.weights, static_cast<int>(basis.holes.size()));
-  LoopSettings settings;
-  if (!options.mount.empty()) {
-    settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(options.mount)));
+  const std::uint16_t day = device.day();
+  std::vector<WeightRecord> records;
+  for (const fs::path& session : device.sessions) {
+    const ListedWeight& row = listed(weights, session, options.weights);
+    records.push_back({.name = row.session, .hole = row.hole, .force_n = weight_n(row.mass_g), .readings = {}});
   }
-  const std::uint16_t day = options.date ? days_of(options.date) : day_today();
-  if (day == 0) throw InputError("command line", "--date", std::to_string(options.date), "a day such as 20261123");
-  std::vector<WeightRecord> records(options.sessions.size());
-  for (std::size_t i = 0; i < records.size(); ++i) {
-    const ListedWeight& row = listed(weights, options.sessions[i], options.weights);
-    records[i] = {.name = row.session, .hole = row.hole, .force_n = row.force_n(), .readings = {}};
-  }
-  Progress progress("recordings", records.size());
-  parallel_for(records.size(), [&](std::size_t i) {
-    records[i].readings = session_touches(options.sessions[i], model, settings);
-    progress.advance();
-  });
+  std::vector<std::vector<TouchReading>> readings = device.readings(model);
+  for (std::size_t i = 0; i < records.size(); ++i) records[i].readings = std::move(readings[i]);
   const WeightFit fit = fit_weights(basis, records, day);
   write_file_atomically(options.output, "# What one finger does otherwise than its pack, made by hostgen fit from " +
                                             std::to_string(records.size()) +
@@ -88,13 +77,10 @@ void add_fit_command(CLI::App& app) {
       "find force scale, creep and touch offset of one finger from recordings of known weights at the holes of its "
       "jig. "
       "Each begins with the untouched finger for two seconds; hold one weight for a minute to tell creep");
-  command->add_option("sessions", options->sessions, "session folders, one per weight; three to nine tell most")
+  command->add_option("sessions", options->device.sessions, "session folders, one per weight; three to nine tell most")
       ->required();
   command->add_option("--weights", options->weights, "CSV: session,hole,mass_g")->required();
-  command->add_option("--spec", options->spec, "finger spec (TOML) that the pack was made from")->required();
-  command->add_option("--pack", options->pack, "model pack of this finger")->required();
-  command->add_option("--mount", options->mount, "what hostgen mount measured, if the device uses it");
-  command->add_option("--date", options->date, "of the recordings, such as 20261123; today unless given");
+  options->device.add_options(*command);
   command->add_option("-o,--output", options->output, "file to write (TOML), for the key fit in a board file")
       ->required();
   command->callback([options] { run(*options); });

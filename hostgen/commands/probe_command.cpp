@@ -21,8 +21,8 @@ void run(const Options& options) {
   const TetMesh mesh = make_mesh(spec, kMeshSizes.at(options.size));
   print_mesh(mesh);
   const Probe probe = probe_finger(spec, mesh);
-  std::printf("probed in %.0f s; %.1f s of processor time per state, %.0f MB per thread for a factor\n\n%s\n",
-              probe.seconds, probe.state_cpu_s, probe.factor_mb, probe_text(probe).c_str());
+  std::printf("probed in %.0f s; %.1f s of processor time per place, %.0f MB per thread for a factor\n\n%s\n",
+              probe.seconds, probe.place_cpu_s, probe.factor_mb, probe_text(probe).c_str());
   check_worth_building(spec, probe);
   std::printf("# proposed for %s\n%s", options.spec.c_str(), proposal_text(spec, probe).c_str());
 }

@@ -184,14 +184,13 @@ std::vector<TouchLoad> wandering(const FingerSpec& spec, const Options& options,
 }
 
 std::vector<TouchLoad> hung_up(const FingerSpec& spec, const Options& options, int frames) {
-  constexpr double kGravity = 9.80665;
   const std::vector<JigHole> holes = jig_holes(spec);
   const auto hole = std::ranges::find(holes, options.hole, &JigHole::number);
   if (hole == holes.end()) {
     throw InputError("command line", "--hole", std::to_string(options.hole), "1 to " + std::to_string(holes.size()));
   }
   std::vector<double> force_n;
-  for (const double mass_g : options.mass_g) force_n.push_back(kGravity * mass_g / 1000);
+  for (const double mass_g : options.mass_g) force_n.push_back(weight_n(mass_g));
   return weight_loads(hole->contact_mm.cast<float>(), force_n, frames, kFramesPerSecond);
 }
 

@@ -6,11 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "firmware/input_error.h"
-#include "firmware/ports/session.h"
 #include "firmware/settings/measured_fit.h"
-#include "firmware/settings/measured_mount.h"
 #include "hostgen/commands/commands.h"
-#include "hostgen/fit/session_touches.h"
+#include "hostgen/commands/fitted_device.h"
 #include "hostgen/fit/verification.h"
 #include "hostgen/util/common.h"
 #include "hostgen/util/output_name.h"
@@ -22,23 +20,18 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  std::vector<fs::path> sessions;
-  fs::path spec, pack, plan, fit, mount, output;
-  std::int64_t date = 0;
+  FittedDevice device;
+  fs::path plan, output;
   bool quick = false;
 };
-
-std::string folder_name(const fs::path& session) {
-  return session.has_filename() ? session.filename().string() : session.parent_path().filename().string();
-}
 
 /// The plan's series of the recordings that were given, in the recordings' order. `quick`: one is enough.
 VerificationPlan planned(VerificationPlan plan, const Options& options) {
   std::vector<PlannedSeries> chosen;
-  for (const fs::path& session : options.sessions) {
-    const auto series = std::ranges::find(plan.series, folder_name(session), &PlannedSeries::session);
+  for (const fs::path& session : options.device.sessions) {
+    const auto series = std::ranges::find(plan.series, session_name(session), &PlannedSeries::session);
     if (series == plan.series.end()) {
-      throw InputError(options.plan.string(), "series", "none of session \"" + folder_name(session) + "\"", "one");
+      throw InputError(options.plan.string(), "series", "none of session \"" + session_name(session) + "\"", "one");
     }
     chosen.push_back(*series);
   }
@@ -50,49 +43,30 @@ VerificationPlan planned(VerificationPlan plan, const Options& options) {
   return plan;
 }
 
-LoopSettings device_settings(const Options& options, const Model& model) {
-  LoopSettings settings;
-  if (!options.mount.empty()) {
-    settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(options.mount)));
+std::string device_commands(const nlohmann::json& settings) {
+  std::string text = "finsightctl set HOST";
+  for (const auto& [name, value] : settings.items()) {
+    text += " " + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump());
   }
-  if (!options.fit.empty()) {
-    settings.fit = read_measured_fit(TomlTable::parse_file(options.fit));
-    check_fit(*settings.fit, model.checksum, options.fit.string());
-  }
-  return settings;
-}
-
-std::string device_commands(const Verification& verification, std::uint16_t day) {
-  char text[256];
-  std::snprintf(text, sizeof text,
-                "finsightctl set HOST verified_on=%d verdict=%s force_expanded_uncertainty=%.2f "
-                "touch_expanded_uncertainty=%.2f\nfinsightctl do HOST save",
-                day, verification.passed ? "passed" : "failed", std::min(verification.force_expanded_n, 655.0),
-                std::min(verification.touch_expanded_mm, 655.0));
-  return text;
+  return text + "\nfinsightctl do HOST save";
 }
 
 int run(const Options& options) {
   check_extension(options.output, {".html"});
-  const FingerSpec spec = read_finger_spec(options.spec);
-  const Model model = Model::open(options.pack);
-  check_writable(options.output, {spec.file, options.pack, options.plan, options.fit, options.mount});
+  const FittedDevice& device = options.device;
+  const FingerSpec spec = read_finger_spec(device.spec);
+  const Model model = Model::open(device.pack);
+  check_writable(options.output, {spec.file, device.pack, options.plan, device.fit, device.mount});
   const std::vector<JigHole> holes = jig_holes(spec);
   const VerificationPlan plan = planned(read_plan(options.plan, static_cast<int>(holes.size())), options);
-  const LoopSettings settings = device_settings(options, model);
-  const std::uint16_t day = options.date ? days_of(options.date) : day_today();
-  if (day == 0) throw InputError("command line", "--date", std::to_string(options.date), "a day such as 20261123");
-  std::vector<std::vector<TouchReading>> readings(options.sessions.size());
-  Progress progress("recordings", readings.size());
-  parallel_for(readings.size(), [&](std::size_t i) {
-    readings[i] = session_touches(options.sessions[i], model, settings);
-    progress.advance();
-  });
+  const std::uint16_t day = device.day();
+  const std::vector<std::vector<TouchReading>> readings = device.readings(model);
   const Verification verification = verify(plan, holes, readings);
-  const std::string commands = device_commands(verification, day);
+  const nlohmann::json figures = verification_json(plan, verification, date_of(day));
+  const std::string commands = device_commands(figures["settings"]);
   fs::path json_file = options.output;
   json_file.replace_extension(".json");
-  write_file_atomically(json_file, verification_json(plan, verification, date_of(day)).dump(1) + "\n");
+  write_file_atomically(json_file, figures.dump(1) + "\n");
   write_file_atomically(options.output,
                         certificate_html(plan, verification, date_of(day), checksum_text(model.checksum), commands));
   for (const Check& check : verification.checks) {
@@ -115,14 +89,11 @@ void add_verify_command(CLI::App& app) {
       "verify",
       "check one finger with known weights, up and down, like a load cell, and write its certificate. Exit code 1: it "
       "failed");
-  command->add_option("sessions", options->sessions, "session folders, one per series of the plan")->required();
+  command->add_option("sessions", options->device.sessions, "session folders, one per series of the plan")->required();
   command->add_option("--plan", options->plan, "TOML: finger, [[series]] (session, hole, mass_g) and [limits]")
       ->required();
-  command->add_option("--spec", options->spec, "finger spec (TOML) that the pack was made from")->required();
-  command->add_option("--pack", options->pack, "model pack of this finger")->required();
-  command->add_option("--fit", options->fit, "what hostgen fit measured, if the device uses it");
-  command->add_option("--mount", options->mount, "what hostgen mount measured, if the device uses it");
-  command->add_option("--date", options->date, "of the recordings, such as 20261123; today unless given");
+  options->device.add_options(*command);
+  command->add_option("--fit", options->device.fit, "what hostgen fit measured, if the device uses it");
   command->add_flag("--quick", options->quick, "some of the plan's series, or one: the daily check");
   command->add_option("-o,--output", options->output, "certificate to write (.html); its figures as .json beside it")
       ->required();

@@ -5,6 +5,7 @@
 
 #include "firmware/geometry/so3.h"
 #include "hostgen/fem/dataset.h"
+#include "hostgen/finger/jig_holes.h"
 
 namespace finsight::host {
 
@@ -69,7 +70,6 @@ void PushedFinger::add_force(const FacePoint& at, const Eigen::Vector3d& force_n
 }
 
 void PushedFinger::add_weight(const Eigen::Vector3d& g, BodyVector& load) const {
-  constexpr double kGravity_m_s2 = 9.80665;
   // Of a tet's ten nodes in the integral of a constant over it: exact for C3D10.
   constexpr double kCornerWeight = -0.05, kMiddleWeight = 0.2;
   for (const auto& tet : mesh.tets) {

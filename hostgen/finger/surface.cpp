@@ -182,6 +182,19 @@ Surface make_surface(const FingerGrid& grid) {
   return surface;
 }
 
+std::vector<std::array<Eigen::Vector3d, 2>> outline_edges(const Surface& surface) {
+  std::vector<std::array<Eigen::Vector3d, 2>> edges;
+  for (const Facet& facet : surface.facets) {
+    for (const std::vector<int>& outline : facet.outlines) {
+      for (std::size_t c = 0; c < outline.size(); ++c) {
+        edges.push_back({surface.points_mm[static_cast<std::size_t>(outline[c])],
+                         surface.points_mm[static_cast<std::size_t>(outline[(c + 1) % outline.size()])]});
+      }
+    }
+  }
+  return edges;
+}
+
 std::string poly_text(const Surface& surface) {
   std::string text;
   append(text, "%zu 3 0 0\n", surface.points_mm.size());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,9 @@ struct Surface {
 
 /// Facets lie wherever two cells of different label meet, so the plates get facets of their own inside the body.
 Surface make_surface(const FingerGrid& grid);
+
+/// From corner to corner along all outlines.
+std::vector<std::array<Eigen::Vector3d, 2>> outline_edges(const Surface& surface);
 
 /// In TetGen's .poly format.
 std::string poly_text(const Surface& surface);

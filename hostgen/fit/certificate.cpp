@@ -1,9 +1,11 @@
 // The certificate of a verification, as JSON and as a page.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "firmware/settings/measured_fit.h"
 #include "hostgen/fit/verification.h"
 
 namespace finsight::host {
@@ -132,6 +134,13 @@ std::string limit_text(const Check& check) {
 
 }  // namespace
 
+namespace {
+
+/// As far as the register goes.
+double hundredths(double value) { return std::round(100 * std::min(value, 655.0)) / 100; }
+
+}  // namespace
+
 json verification_json(const VerificationPlan& plan, const Verification& verification, std::uint32_t date) {
   json checks = json::array(), plateaus = json::array(), budget = json::array();
   for (const Check& check : verification.checks) {
@@ -163,6 +172,11 @@ json verification_json(const VerificationPlan& plan, const Verification& verific
           {"passed", verification.passed},
           {"force_expanded_n", verification.force_expanded_n},
           {"touch_expanded_mm", verification.touch_expanded_mm},
+          {"settings",  // of the device, as its page and finsightctl take them
+           {{"verified_on", days_of(date)},
+            {"verdict", verification.passed ? "passed" : "failed"},
+            {"force_expanded_uncertainty", hundredths(verification.force_expanded_n)},
+            {"touch_expanded_uncertainty", hundredths(verification.touch_expanded_mm)}}},
           {"checks", checks},
           {"budget", budget},
           {"weights", plateaus}};

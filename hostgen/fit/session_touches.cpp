@@ -26,6 +26,10 @@ TouchReading touch_reading(const FrameLoop& loop, double time_s) {
   return reading;
 }
 
+std::string session_name(const std::filesystem::path& session) {
+  return session.has_filename() ? session.filename().string() : session.parent_path().filename().string();
+}
+
 std::vector<TouchReading> session_touches(const std::filesystem::path& session, const Model& model,
                                           const LoopSettings& settings) {
   const SessionInfo info = read_session_info(session);

@@ -8,6 +8,9 @@
 
 namespace finsight::host {
 
+/// The name of a session's folder, also where its path ends with a slash.
+std::string session_name(const std::filesystem::path& session);
+
 /// Runs the firmware over a session that begins with the untouched finger: its first second becomes the zero. Readings
 /// follow from then on, one per frame. Throws InputError for a session that cannot be read, is not of this finger, or
 /// whose finger does not rest at the beginning.

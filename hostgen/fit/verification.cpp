@@ -11,7 +11,6 @@ namespace finsight::host {
 
 namespace {
 
-constexpr double kGravity = 9.80665;
 constexpr double kStep_s = 0.7;  // from one weight to the next, at most, and until it has come to rest
 constexpr double kShortestPlateau_s = 1;
 constexpr double kLongHold_s = 60;  // from which on creep is stated
@@ -29,8 +28,6 @@ double deviation_of(const std::vector<double>& numbers) {
   for (const double number : numbers) sum += (number - mean) * (number - mean);
   return numbers.size() > 1 ? std::sqrt(sum / static_cast<double>(numbers.size() - 1)) : 0;
 }
-
-std::vector<double> optional_masses(TomlTable& table) { return table.numbers("mass_g", 0, 1, 5000); }
 
 std::optional<double> optional_limit(TomlTable& table, const char* key, double highest) {
   if (!table.has(key)) return std::nullopt;
@@ -125,7 +122,7 @@ std::vector<Plateau> plateaus_of(const PlannedSeries& series, const JigHole& hol
     Plateau plateau = plateau_of(readings, stretches[i]);
     plateau.session = series.session;
     plateau.hole = series.hole;
-    plateau.force_n = kGravity * series.mass_g[i] / 1000;
+    plateau.force_n = weight_n(series.mass_g[i]);
     plateau.is_down = i > 0 && series.mass_g[i] < series.mass_g[i - 1];
     plateau.truth_mm = hole.contact_mm.cast<float>();
     plateaus.push_back(plateau);
@@ -249,7 +246,7 @@ void make_checks(const VerificationLimits& limits, const std::vector<std::vector
       limits.hysteresis_percent);
   add("creep over the longest hold", "ISO 376, 7.5.5", "%", largest(creep), limits.creep_percent);
   add("lightest weight that was detected", "NIST SP 1227, touch sensitivity", "N", lightest_n, std::nullopt);
-  add("resolution (twice the readings' scatter)", "ISO 376, 7.3", "N", 2 * mean_of(noise), std::nullopt);
+  add("resolution (twice the readings' scatter)", "ISO 376, 7.2", "N", 2 * mean_of(noise), std::nullopt);
   add("forces inside the stated deviation", "", "", inside_force / count, limits.coverage_68, true);
   add("touches inside the stated radius", "", "", inside_touch / count, limits.coverage_68, true);
 }
@@ -265,7 +262,7 @@ VerificationPlan read_plan(const std::filesystem::path& file, int holes) {
     series.where = table.where();
     series.session = table.text("session");
     series.hole = static_cast<int>(table.integer("hole", 1, holes));
-    series.mass_g = optional_masses(table);
+    series.mass_g = table.numbers("mass_g", 0, 1, 5000);
     if (series.mass_g.empty()) throw InputError(table.where("mass_g"), "mass_g", "no weight", "one or more");
     table.finish();
     plan.series.push_back(std::move(series));

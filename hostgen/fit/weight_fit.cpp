@@ -84,7 +84,7 @@ struct Creep {
   double share = 0, after_s = 1, sigma = 0;
 };
 
-/// How well one creep explains all long holds: sum of squares of relative forces, and how many there are.
+/// How well one creep explains all long holds: sum of squares of relative forces.
 double misfit(const std::vector<Series>& all, double share, double creep_s) {
   double sum = 0;
   for (const Series& series : all) {
@@ -164,6 +164,8 @@ double without_creep(const Series& series, const std::optional<Creep>& creep) {
   return sum / static_cast<double>(series.force_n.size());
 }
 
+std::string grams(double force_n) { return std::to_string(std::lround(force_n / weight_n(1))); }
+
 double median_of(std::vector<double> numbers) { return quantile(std::move(numbers), 0.5); }
 
 // A wrong hole shows by the touch, a wrong weight by a force that no other agrees with.
@@ -186,10 +188,8 @@ void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
   for (std::size_t i = 0; i < holds.size(); ++i) {
     const double off = scale[i] - usual_scale;
     if (holds.size() < 3 || std::abs(off) < kWrongForce) continue;
-    constexpr double kGramsPerNewton = 1000 / 9.80665;
-    throw InputError(holds[i].name, "mass_g", std::to_string(std::lround(kGramsPerNewton * holds[i].force_n)),
-                     "about " + std::to_string(std::lround(kGramsPerNewton * holds[i].force_n * std::exp(-off))) +
-                         ", as the other recordings have it");
+    throw InputError(holds[i].name, "mass_g", grams(holds[i].force_n),
+                     "about " + grams(holds[i].force_n * std::exp(-off)) + ", as the other recordings have it");
   }
 }
 

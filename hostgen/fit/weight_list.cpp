@@ -4,6 +4,7 @@
 #include <charconv>
 
 #include "firmware/input_error.h"
+#include "hostgen/fit/session_touches.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {
@@ -12,7 +13,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kGravity = 9.80665;  // m/s^2; differs by 0.3 % between places, less than weights of a set do
 constexpr double kHeaviest_g = 5000;
 
 std::vector<std::string> split(const std::string& text, char separator) {
@@ -38,13 +38,7 @@ Number number_in(const std::string& text, Number lowest, Number highest, const s
   return number;
 }
 
-std::string folder_name(const fs::path& session) {
-  return session.has_filename() ? session.filename().string() : session.parent_path().filename().string();
-}
-
 }  // namespace
-
-double ListedWeight::force_n() const { return kGravity * mass_g / 1000; }
 
 std::vector<ListedWeight> read_weights(const fs::path& file, int holes) {
   const std::vector<std::string> lines = split(read_file(file), '\n');
@@ -70,7 +64,7 @@ std::vector<ListedWeight> read_weights(const fs::path& file, int holes) {
 }
 
 const ListedWeight& listed(const std::vector<ListedWeight>& weights, const fs::path& session, const fs::path& file) {
-  const std::string name = folder_name(session);
+  const std::string name = session_name(session);
   const auto row = std::ranges::find(weights, name, &ListedWeight::session);
   if (row == weights.end()) throw InputError(file.string(), "session", "no row", "one for \"" + name + "\"");
   return *row;

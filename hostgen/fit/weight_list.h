@@ -11,7 +11,6 @@ struct ListedWeight {
   std::string session;  ///< name of the recording's folder
   int hole = 0;
   double mass_g = 0;
-  double force_n() const;
 };
 
 /// Rows session,hole,mass_g below a line with these names; holes 1 to `holes`. Throws InputError with file:line,

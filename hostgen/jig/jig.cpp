@@ -265,17 +265,7 @@ TriangleSurface BentGrid::surface() const {
 
 /// Edges of the finger's surface, finger frame.
 std::vector<std::array<Vector3d, 2>> finger_edges(const FingerSpec& spec) {
-  std::vector<std::array<Vector3d, 2>> edges;
-  const Surface polygons = spec.surface ? spec.surface->tetgen_input() : make_surface(make_grid(spec));
-  for (const Facet& facet : polygons.facets) {
-    for (const std::vector<int>& outline : facet.outlines) {
-      for (std::size_t c = 0; c < outline.size(); ++c) {
-        edges.push_back({polygons.points_mm[static_cast<std::size_t>(outline[c])],
-                         polygons.points_mm[static_cast<std::size_t>(outline[(c + 1) % outline.size()])]});
-      }
-    }
-  }
-  return edges;
+  return outline_edges(spec.surface ? spec.surface->tetgen_input() : make_surface(make_grid(spec)));
 }
 
 /// Corners of the part of the surface between two heights, as far as edges tell.

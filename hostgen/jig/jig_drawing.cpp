@@ -43,17 +43,7 @@ std::vector<Edge> feature_edges(const TriangleSurface& surface) {
 /// The finger's, in the finger frame.
 std::vector<Edge> finger_outline(const FingerSpec& spec) {
   if (spec.surface) return feature_edges(spec.surface->surface);
-  std::vector<Edge> edges;
-  const Surface polygons = make_surface(make_grid(spec));
-  for (const Facet& facet : polygons.facets) {
-    for (const std::vector<int>& outline : facet.outlines) {
-      for (std::size_t c = 0; c < outline.size(); ++c) {
-        edges.push_back({polygons.points_mm[static_cast<std::size_t>(outline[c])],
-                         polygons.points_mm[static_cast<std::size_t>(outline[(c + 1) % outline.size()])]});
-      }
-    }
-  }
-  return edges;
+  return outline_edges(make_surface(make_grid(spec)));
 }
 
 class Sheet {

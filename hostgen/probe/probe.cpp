@@ -135,11 +135,9 @@ Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s) 
       progress.advance();
     });
   }
-  std::size_t states = 0;
-  for (const ProbedPlace& place : probe.places) states += place.states.size() + (place.failed_n > 0);
   probe.seconds = watch.lap_s();
-  probe.state_cpu_s =
-      static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC / std::max<double>(1, static_cast<double>(states));
+  probe.place_cpu_s =
+      static_cast<double>(std::clock() - clock) / CLOCKS_PER_SEC / static_cast<double>(probe.places.size());
   return probe;
 }
 

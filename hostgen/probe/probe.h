@@ -27,8 +27,9 @@ double plate_motion_mm(const FemState& state);
 
 struct Probe {
   std::vector<ProbedPlace> places;
-  double seconds = 0, state_cpu_s = 0;  ///< wall time; processor time per state, factorisations included
-  double factor_mb = 0;                 ///< memory of one factor; every thread has one
+  double seconds = 0;
+  double place_cpu_s = 0;  ///< processor time per place: what matters is how far it is pushed, not in how many states
+  double factor_mb = 0;    ///< memory of one factor; every thread has one
 };
 
 /// Pushes the places of jig_holes() with half of the spec's highest force and all of it; where that fails, with half as

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include "firmware/input_error.h"
+#include "hostgen/finger/jig_holes.h"
 #include "hostgen/util/common.h"
 
 using namespace finsight;
@@ -33,7 +34,7 @@ TEST_CASE("weight list: rows are found by the recording's folder") {
   const std::vector<ListedWeight> weights = read_weights(file, 9);
   REQUIRE(weights.size() == 2);
   CHECK(listed(weights, "recordings/middle/", file).hole == 5);
-  CHECK(listed(weights, "recordings/middle", file).force_n() == doctest::Approx(2.9469));
+  CHECK(weight_n(listed(weights, "recordings/middle", file).mass_g) == doctest::Approx(2.9469));
   CHECK_THROWS_WITH_AS(listed(weights, "recordings/top", file), doctest::Contains("\"top\""), InputError);
 }
 

@@ -6,6 +6,7 @@
 #include <iterator>
 
 #include "firmware/page/json_body.h"
+#include "firmware/settings/measured_fit.h"
 #include "firmware/settings/settings.h"
 #include "tests/model/scratch_folder.h"
 #include "tests/random.h"
@@ -86,6 +87,24 @@ TEST_CASE("import: what was exported comes back, as text of the files that finsi
   CHECK(import.state.find("low = [0.125, 0, 0, 0, 0, 0.0625]") != std::string::npos);
 }
 
+TEST_CASE("import: a fit comes along, and one of another pack is refused") {
+  FitValues fit{};
+  fit.model_checksum = kModel;
+  fit.fitted_on = 9823;
+  fit.force_scale = 1.125F;
+  fit.force_sigma = 0.0625F;
+  json file = exported();
+  file["fit"] = measured_fit_toml(fit);
+  Import import;
+  REQUIRE(refusal(file, &import) == "");
+  CHECK(import.fit.find("force_scale = 1.125 ") != std::string::npos);
+  ++fit.model_checksum;
+  file["fit"] = measured_fit_toml(fit);
+  CHECK(refusal(file).find("fit.model") != std::string::npos);
+  file["fit"] = "force_scale = 1";
+  CHECK(refusal(file).find("fit") == 0);
+}
+
 TEST_CASE("import: another pack's file is refused by name") {
   json file = exported();
   file["pack_checksum"] = "sha256:0";
@@ -157,18 +176,19 @@ TEST_CASE("import: whatever became of a file, it is refused with a reason or is 
 TEST_CASE("import: all of it is stored, and what was there stays as the former") {
   const test::ScratchFolder folder;
   folder.write(kMeasuredLens, "old");
-  const Import import{"lens", "mount", "state"};
+  const Import import{"lens", "mount", "fit", "state"};
   REQUIRE_FALSE(store_import(folder.path(), import, restarted));
   CHECK(text_of(folder / kMeasuredLens) == "lens");
   CHECK(text_of(folder / "lens.toml.former") == "old");
   CHECK(text_of(folder / kMeasuredMount) == "mount");
+  CHECK(text_of(folder / kMeasuredFit) == "fit");
   CHECK(text_of(folder / kImportedState) == "state");
 }
 
 TEST_CASE("import: nothing is stored if the device may not restart, or has no room") {
   const test::ScratchFolder folder;
   folder.write(kMeasuredLens, "old");
-  const Import import{"lens", "mount", "state"};
+  const Import import{"lens", "mount", "", "state"};
   const auto refused = store_import(folder.path(), import, [] { return std::optional(Refusal{409, "busy"}); });
   REQUIRE(refused);
   CHECK(refused->reason == "busy");

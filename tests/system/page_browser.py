@@ -27,7 +27,7 @@ try:
 except ImportError:
     webdriver = None
 
-PAGES = ("live", "setup/network", "setup/camera", "setup/lens", "setup/mount", "setup/zero", "setup/check", "registers", "settings",
+PAGES = ("live", "setup/network", "setup/camera", "setup/lens", "setup/mount", "setup/zero", "setup/weights", "setup/check", "registers", "settings",
          "recordings", "diagnostics", "updates")
 SHOTS = BINARIES / "page-screenshots"
 REST, COVERED = WORK / "rest", WORK / "covered"
@@ -160,6 +160,41 @@ class Page(unittest.TestCase):
         browser.unlock()
         device.wait(lambda: "settings_unsaved" not in device.get("/api/state")[1]["status"], "save", PATIENCE_S)
         self.assertIn("set = true", (Path(device.folder.name) / "state.toml").read_text())
+
+    def test_weights_are_compared_and_a_fit_and_a_certificate_are_taken(self):
+        device, browser = self.device(WORK / "session"), self.browser()
+        folder = Path(device.folder.name)
+        browser.open(device, "setup/zero")
+        browser.click("Zero now")
+        browser.unlock()
+        browser.open(device, "setup/weights")
+        for _ in range(20):  # the session is not touched all the time
+            browser.click("Take a reading")
+            if browser.wait(lambda d: "of 1 inside" in browser.text() or "not touched for" in browser.text("#toasts"), "a reading") \
+                    and "of 1 inside" in browser.text():
+                break
+            browser.driver.execute_script("document.getElementById('toasts').replaceChildren()")
+        self.assertIn("1.96", browser.text())  # what 200 g press with, N
+        fit = ('model = "{}"\ndate = 20261123\nforce_scale = 1.125\nforce_scale_sigma = 0.02\nforce_sigma = 0.06\n'
+               'across_mm = [0, 0, 0, 0]\nalong_mm = [0.5, 0, 0, 0]\nface_middle_mm = [0, 40, 0]\nface_half_mm = [10, 30]\n'
+               'touch_radius_mm = 0.6\n')
+        checksum = device.get("/api/about")[1]["pack_checksum"]
+        files = {"other.toml": fit.format("00000000"), "fit.toml": fit.format(checksum), "certificate.json": json.dumps(
+            {"settings": {"verified_on": 9823, "verdict": "passed", "force_expanded_uncertainty": 0.42}})}
+        for name, content in files.items():
+            (folder / name).write_text(content)
+
+        def choose(kind, name):
+            browser.driver.find_element(By.CSS_SELECTOR, f"main input[accept^='{kind}']").send_keys(str(folder / name))
+        choose(".toml", "other.toml")
+        browser.unlock()
+        self.said(browser, "#toasts", "00000000")
+        choose(".toml", "fit.toml")
+        device.wait(lambda: device.get("/api/state")[1].get("force_scale") == 1.125, "restart with the fit", PATIENCE_S)
+        self.assertEqual(device.get("/api/export")[1]["fit"].splitlines()[1], "date = 20261123")
+        choose(".json", "certificate.json")
+        device.wait(lambda: device.get("/api/state")[1].get("verdict") == "passed", "the verdict", PATIENCE_S)
+        browser.wait(lambda d: "2026-11-23: passed" in browser.text(), "the day of the verification")
 
     def test_a_covered_marker_is_named_with_its_place(self):
         device, browser = self.device(COVERED), self.browser()

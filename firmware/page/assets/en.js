@@ -102,9 +102,9 @@ export const text = {
     changed: (n) => (n === 1 ? "1 change not applied" : `${n} changes not applied`), none: "No changes",
     range: (low, high, unit) => `${low} to ${high}${unit ? " " + unit : ""}`, factory: (v) => `factory: ${v}`,
     groups: {thresholds: "Thresholds", behaviour: "Behaviour", helpers: "Process helpers"},
-    file: "Everything as one file", file_note: "Export holds every setting, lens, mount and zero, and the model pack's name and checksum. Import puts all of it into this device, or nothing: a file of a device with another model pack is refused.",
+    file: "Everything as one file", file_note: "Export holds every setting, lens, mount, fit and zero, and the model pack's name and checksum. Import puts all of it into this device, or nothing: a file of a device with another model pack is refused.",
     export: "Export", import: "Import …", imported: "Imported and saved. The program restarts with it.",
-    import_ask: "Replace settings, lens, mount and zero of this device by those of the file? The measuring program restarts.",
+    import_ask: "Replace settings, lens, mount, fit and zero of this device by those of the file? The measuring program restarts.",
     not_json: "This is not a file that the page has exported.",
     factory_all: "Factory settings", factory_ask: "Replace all settings by the factory's and forget the zero? Nothing is saved until you save.",
   },
@@ -134,7 +134,7 @@ export const text = {
   },
 
   setup: {
-    title: "Set-up", steps: {network: "Network", camera: "Camera", lens: "Lens", mount: "Mount", zero: "Zero", check: "Check and save"},
+    title: "Set-up", steps: {network: "Network", camera: "Camera", lens: "Lens", mount: "Mount", zero: "Zero", weights: "Weights", check: "Check and save"},
     next: "Next", back: "Back",
     network: {
       title: "Where this device is", text: "You have reached it, so the network works. Write these down for the PLC:",
@@ -168,10 +168,22 @@ export const text = {
     },
     zero: {title: "Zero the finger", text: "Nothing must touch it and it must be still. Its present pose becomes its rest pose; this takes half a second.", go: "Zero now",
            done: "The finger is zeroed.", not_done: "The finger is not zeroed.", values: "Residual"},
+    weights: {
+      title: "Known weights", text: "Put the jig on the finger, the pin into one of its holes and a weight onto the pin. Once it rests, take a reading.",
+      hole: "Hole", mass: "Weight with pin, g", take: "Take a reading", clear: "Start over", not_touched: "Nothing touches the finger now.",
+      no_touch: "The finger was not touched for the whole two seconds.", now: (force, sigma, weight) => `${force} ± ${sigma} N now; the weight presses with ${weight} N`,
+      columns: ["Hole", "g", "Weight, N", "Force, N", "Off", "Inside ±"],
+      summary: (error, inside, count) => `${error} N off on average; ${inside} of ${count} inside the stated deviation (about two of three should be)`,
+      record_title: "Recordings for a fit", record_text: "One recording for each of three to nine weights: start it, leave the finger untouched for two seconds, then hang the weight up; leave one of them for a minute. Download the recordings (page Recordings) and run the command below on a workstation.",
+      session: "Recording", fit_title: "Fit and certificate", fitted: "Fitted on", scale: "Force scale", verified: "Verified on", expanded: "Expanded uncertainty (k = 2)",
+      never: "never", fit_text: "An unfitted finger says how far it may be off. hostgen fit makes fit.toml, hostgen verify a certificate and its figures (JSON).",
+      use_fit: "Use fit.toml …", fit_used: "The fit is stored. The program restarts with it.", use_certificate: "Enter a certificate (JSON) …",
+      certificate_used: "Applied. Save to keep it over a restart.", restore: "Bring back the former fit", restored: "The former fit is back.",
+      not_such: "This is not such a file.",
+    },
     check: {
       title: "Check and save", text: "Press the finger with something soft. Force and touched point should follow on the Live page.", save: "Save in the device",
       markers: "all markers are seen", zeroed: "the finger is zeroed", fault: "no fault stands", saved: "settings and zero are saved", rate: "the camera runs at its wanted rate",
-      later: "Known weights and a certificate follow in a later release (hostgen fit and verify).",
     },
   },
 

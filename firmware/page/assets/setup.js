@@ -6,6 +6,7 @@ import {CameraView} from "./camera.js";
 import {WhyList, pictureReasons, softEdge} from "./why.js";
 import {lensStep} from "./setup_lens.js";
 import {mountStep} from "./setup_mount.js";
+import {weightsStep} from "./setup_weights.js";
 
 /** A list of things that hold or do not. */
 export function checks(count) {
@@ -84,7 +85,7 @@ function zeroStep() {
 function checkStep() {
   const t = text.setup.check, list = checks(5), why = new WhyList();
   return {element: card(t.title, h("button", {class: "main", onclick: () => order("save")}, t.save),
-                        h("div", {class: "body"}, h("p", {}, t.text), list.element, h("p"), why.element, h("p", {class: "soft"}, t.later))),
+                        h("div", {class: "body"}, h("p", {}, t.text), list.element, h("p"), why.element)),
           update() {
             why.update();
             const r = device.registers, has = (bit) => r.has("status", bit), wanted = device.about?.frames_per_second;
@@ -94,7 +95,7 @@ function checkStep() {
           }};
 }
 
-const steps = {network: networkStep, camera: cameraStep, lens: lensStep, mount: mountStep, zero: zeroStep, check: checkStep};
+const steps = {network: networkStep, camera: cameraStep, lens: lensStep, mount: mountStep, zero: zeroStep, weights: weightsStep, check: checkStep};
 
 export function setupPage() {
   const names = Object.keys(steps), t = text.setup, body = h("div"), done = new Set();

@@ -1,0 +1,46 @@
+#include "hostgen/commands/fitted_device.h"
+
+#include "firmware/input_error.h"
+#include "firmware/settings/measured_fit.h"
+#include "firmware/settings/measured_mount.h"
+#include "hostgen/util/common.h"
+
+namespace finsight::host {
+
+void FittedDevice::add_options(CLI::App& command) {
+  command.add_option("--spec", spec, "finger spec (TOML) that the pack was made from")->required();
+  command.add_option("--pack", pack, "model pack of this finger")->required();
+  command.add_option("--mount", mount, "what hostgen mount measured, if the device uses it");
+  command.add_option("--date", date, "of the recordings, such as 20261123; today unless given");
+}
+
+std::uint16_t FittedDevice::day() const {
+  const std::uint16_t day = date ? days_of(date) : day_today();
+  if (day == 0) throw InputError("command line", "--date", std::to_string(date), "a day such as 20261123");
+  return day;
+}
+
+LoopSettings FittedDevice::settings(const Model& model) const {
+  LoopSettings settings;
+  if (!mount.empty()) {
+    settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(mount)));
+  }
+  if (!fit.empty()) {
+    settings.fit = read_measured_fit(TomlTable::parse_file(fit));
+    check_fit(*settings.fit, model.checksum, fit.string());
+  }
+  return settings;
+}
+
+std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model) const {
+  const LoopSettings device = settings(model);
+  std::vector<std::vector<TouchReading>> readings(sessions.size());
+  Progress progress("recordings", sessions.size());
+  parallel_for(sessions.size(), [&](std::size_t i) {
+    readings[i] = session_touches(sessions[i], model, device);
+    progress.advance();
+  });
+  return readings;
+}
+
+}  // namespace finsight::host

@@ -1,0 +1,25 @@
+// What `fit` and `verify` are told of a device, and the readings that it would publish for recordings.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "hostgen/finger/spec.h"
+#include "hostgen/fit/session_touches.h"
+
+namespace finsight::host {
+
+struct FittedDevice {
+  std::vector<std::filesystem::path> sessions;
+  std::filesystem::path spec, pack, fit, mount;
+  std::int64_t date = 0;
+
+  void add_options(CLI::App& command);
+  /// Of the recordings, in days (see days_of). Throws InputError for a day that does not exist.
+  std::uint16_t day() const;
+  /// The model's, with the mount and the fit that were named.
+  LoopSettings settings(const Model& model) const;
+  /// Of every session in its order, on all cores, with progress. Throws as session_touches does.
+  std::vector<std::vector<TouchReading>> readings(const Model& model) const;
+};
+
+}  // namespace finsight::host
