@@ -11,6 +11,7 @@
 #include "firmware/input_error.h"
 #include "firmware/shape/newton.h"
 #include "firmware/shape/soft_newton.h"
+#include "hostgen/bench/derivative_operations.h"
 #include "hostgen/bench/iteration.h"
 #include "hostgen/bench/machine_limit.h"
 #include "hostgen/bench/schedules.h"
@@ -82,6 +83,7 @@ json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, 
          {"mesh_tets", mesh.model.view().tets},
          {"nodes", mesh.model.view().nodes},
          {"factor_operations", operations},
+         {"derivative_operations", mesh.model.view().tets * derivative_operations().least_operations()},
          {"factor_mb", factor_bytes(mesh.model.cholesky) / 1e6},
          {"derivatives_us", best[way].derivatives_us},
          {"factor_us", best[way].factor_us},

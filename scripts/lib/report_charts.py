@@ -173,21 +173,24 @@ def parts(results, file):
         for y, (start, share, row) in enumerate(zip(left, each, rows)):
             if share > 0.08 * max(1000 * r["sum_us"] / r["mesh_tets"] for r in rows):
                 axes.text(start + share / 2, y, f"{row[f'{part}_us']:,.0f} µs", ha="center", va="center", color="white", fontsize=8)
-            floor = _floor_us(row, limit)
-            if part == "factor" and floor:
+            floor = _floor_us(part, row, limit)
+            if floor:
                 x = start + 1000 * floor / row["mesh_tets"]
-                axes.plot([x, x], [y - 0.4, y + 0.4], color="black", lw=2, label=None if y else "factor at the machine's peak")
+                axes.plot([x, x], [y - 0.4, y + 0.4], color="black", lw=2,
+                          label="the part before it at the machine's peak" if y == 0 and part == "factor" else None)
         left = [a + b for a, b in zip(left, each)]
     axes.set(xlabel="time per tetrahedron, ns", ylabel="tetrahedra")
     _outside(chart, axes.get_legend_handles_labels()[0])
     chart.write(file)
 
 
-def _floor_us(row, limit):
-    """What a factorisation takes at least: its multiply-adds at the measured peak, or its factor written once."""
+def _floor_us(part, row, limit):
+    """What derivatives or a factorisation take at least: their multiply-adds at the measured peak, or the factor written once."""
     if "factor_mb" not in row or not limit:
         return None
-    return max(row["factor_operations"] / limit["multiply_adds_per_us"], 1e6 * row["factor_mb"] / limit["cache_bytes_per_us"])
+    if part == "derivatives":
+        return row.get("derivative_operations", 0) / limit["multiply_adds_per_us"]
+    return None if part != "factor" else max(row["factor_operations"] / limit["multiply_adds_per_us"], 1e6 * row["factor_mb"] / limit["cache_bytes_per_us"])
 
 
 def touch_face(results, file):

@@ -18,6 +18,7 @@ from report_claims import README_FOLDER, README_PLOTS, advice, at, claims, claim
 from report_words import HEADINGS, SECTIONS, WORDS
 
 QUIET = 0.1  # processors that other programs had on average while an area was measured
+LONG = 20  # rows from which on a table is folded away, except on paper
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 STYLE = """
@@ -35,7 +36,7 @@ th,td{padding:.25rem .7rem;border-bottom:1px solid var(--line);text-align:right;
 vertical-align:top}
 th{font-weight:600;background:var(--card)}th:first-child,td:first-child,.words td,.words th{text-align:left}
 .bad{color:var(--bad);font-weight:600}.good{color:var(--good)}
-figure{margin:1rem 0;background:#fff;border:1px solid var(--line);border-radius:6px;padding:.5rem}
+summary{cursor:pointer;color:var(--link)}figure{margin:1rem 0;background:#fff;border:1px solid var(--line);border-radius:6px;padding:.5rem}
 figure svg,figure img{max-width:100%;height:auto;display:block;margin:auto}figcaption{color:#5f6b7a;font-size:.9rem}
 @media print{nav{display:none}body{max-width:none;font-size:11px;color:#000;background:#fff}h2{break-after:avoid}
 table,figure{break-inside:avoid}}
@@ -78,8 +79,10 @@ def table(rows, columns, caption="", first_words=1):
         return ""
     head = "".join(f"<th scope=col>{html.escape(word(c))}</th>" for c in columns)
     body = "".join("<tr>" + "".join(f"<td>{shown(c, row.get(c))}</td>" for c in columns) + "</tr>\n" for row in rows)
-    caption = f"<caption>{caption}</caption>" if caption else ""
-    return f"<div class=wide><table>{caption}<thead><tr>{head}</tr></thead><tbody>\n{body}</tbody></table></div>\n"
+    is_long = len(rows) > LONG
+    title = f"<caption>{caption}</caption>" if caption and not is_long else ""
+    text = f"<div class=wide><table>{title}<thead><tr>{head}</tr></thead><tbody>\n{body}</tbody></table></div>\n"
+    return f"<details><summary>{caption or 'All'} ({len(rows)} rows)</summary>\n{text}</details>\n" if is_long else text
 
 
 def figures(values, prefix=""):
@@ -168,7 +171,8 @@ def page(results, folder):
     lines = advice(results)
     if lines:
         text += "<h2 id=advice>Which tier should this scene use?</h2>\n<ul>" + "".join(f"<li>{a}</li>" for a in lines) + "</ul>\n"
-    return text + "".join(section(key, results, folder) for key in keys) + "</body></html>\n"
+    unfold = "<script>onbeforeprint = () => document.querySelectorAll('details').forEach((d) => d.open = true)</script>"
+    return text + "".join(section(key, results, folder) for key in keys) + unfold + "</body></html>\n"
 
 
 def renew_readme(readme, results, folder):

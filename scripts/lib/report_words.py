@@ -7,7 +7,7 @@ HEADINGS = {
     "worst_mm": "worst distance, mm", "mean_mm": "mean error, mm", "chords": "chord steps",
     "factorisations": "factorisations", "scalar": "arithmetic", "way": "method", "sum_us": "whole iteration, µs",
     "derivatives_us": "derivatives, µs", "factor_us": "factor, µs", "solve_us": "solve, µs", "step_us": "step, µs",
-    "factor_operations": "operations of a factor", "name": "case", "frames": "frames", "flagged": "frames flagged",
+    "factor_operations": "operations of a factor", "derivative_operations": "of the derivatives", "name": "case", "frames": "frames", "flagged": "frames flagged",
     "iterations": "most steps", "end_mm": "distance at the end, mm", "good": "held",
     "touch_point_clean_mm": "touched point, exact poses, mm", "touch_point_noisy_mm": "touched point, with noise, mm",
     "front_clean_mm": "front face, exact poses, mm", "front_noisy_mm": "front face, with noise, mm",
@@ -101,10 +101,11 @@ SECTIONS = {
                   "the rest is."],
         "tabled": ["iterations", "mesh_difference"],
         "pictures": [("growth.svg", "Time of an iteration against the number of tetrahedra; the exponent of each method."),
-                     ("parts.svg", "Where the time of an iteration of ours in float goes, by mesh. The black line: what its "
-                                   "multiply-adds alone take at this core's measured peak, or its bytes where that is more.")],
+                     ("parts.svg", "Where the time of an iteration of ours in float goes, by mesh. Black lines: what the "
+                                   "multiply-adds of derivatives and factor alone take at this core's measured peak, or the "
+                                   "factor's bytes where that is more: how far each is from the roof.")],
         "tables": [("solver.iterations", ["way", "mesh_tets", "derivatives_us", "factor_us", "solve_us", "step_us", "sum_us",
-                                          "quartiles_us", "factor_operations", "factor_mb"], "", ""),
+                                          "quartiles_us", "derivative_operations", "factor_operations", "factor_mb"], "", ""),
                    ("solver.mesh_difference", ["mesh_tets", "than_tets", "motion", "worst_mm", "mean_mm"],
                     "How far a coarser mesh's converged shape is from the finest one's.", "")]},
     "hard_cases": {
