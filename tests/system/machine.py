@@ -18,6 +18,8 @@ FIRMWARE = "/usr/share/AAVMF/AAVMF_CODE.fd"
 READY = 1  # bit of register 0
 TEST_CONSTANT = 0x1234  # register 39
 NOMINAL_START_S = 45  # power to the first answer, on an idle workstation with two cores
+TWO_CORES = ("-smp", "2", "-accel", "tcg,thread=multi")
+COUNTING = ("-smp", "1", "-accel", "tcg,thread=single", "-icount", "shift=0,sleep=off")  # a nanosecond for each instruction
 SHELL_UNIT = """[Unit]
 DefaultDependencies=no
 [Service]
@@ -61,8 +63,8 @@ def read_registers(port, count=48, timeout=3, address=0):
 class Machine:
     """A board with one card. `start` and `cut_power` may be called again and again."""
 
-    def __init__(self, card, folder, card_format="raw", extra=()):
-        self.card, self.format, self.extra = Path(card), card_format, list(extra)
+    def __init__(self, card, folder, card_format="raw", extra=(), cpu=TWO_CORES):
+        self.card, self.format, self.extra = Path(card), card_format, [*cpu, *extra]
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.process = None
@@ -80,9 +82,8 @@ class Machine:
 
     def command(self, *more):
         # With ACPI the machine has no GPIO lines, so it describes itself by device tree.
-        return ["qemu-system-aarch64", "-M", "virt,gic-version=3,acpi=off", "-cpu", "cortex-a72", "-smp", "2",
-                "-m", "768",
-                "-accel", "tcg,thread=multi", "-nographic", "-nodefaults",
+        return ["qemu-system-aarch64", "-M", "virt,gic-version=3,acpi=off", "-cpu", "cortex-a72",
+                "-m", "768", "-nographic", "-nodefaults",
                 "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
                 "-drive", f"if=none,id=card,file={self.card},format={self.format}",
                 "-device", "virtio-blk-pci,drive=card,bootindex=0",
