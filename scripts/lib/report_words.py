@@ -37,6 +37,8 @@ HEADINGS = {
     "front_mm": "front face, mm", "force_error_n": "force error, N", "position_95_mm": "least certain place, 95 %, mm",
     "truth_within_uncertainty": ("truth inside its deviation, %", PERCENT), "gauss_newton_s": "Gauss-Newton, s",
     "lbfgs_s": "L-BFGS, s", "lbfgs_front_mm": "L-BFGS, front face, mm", "lbfgs_force_n": "L-BFGS, force, N",
+    "frame_million_instructions": "instructions of a frame, million",
+    "a72_frame_ms_estimated": "a frame on a Cortex-A72 of 1.8 GHz at one instruction in a cycle (estimated), ms",
     "picture": "picture", "start": "start", "zero_frames": "frames of the zero", "firm_touches": "firm touches",
     "recall_top": ("top marker found, %", PERCENT), "recall_middle": ("middle, %", PERCENT), "recall_low": ("low, %", PERCENT),
     "family": "family", "cases": "cases", "bad": "not held", "settling_frames": "frames until settled",
