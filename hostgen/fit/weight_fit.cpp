@@ -20,10 +20,10 @@ using Terms = Eigen::Matrix<double, kTerms, 1>;
 // with `hostgen report ... fit` on fingers that its figures do not count.
 const Terms kAcrossPrior_mm(0.3, 0.5, 0.2, 0.2);
 const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
-constexpr double kAcrossRest_mm = 0.35, kAlongRest_mm = 0.7;
+constexpr double kAcrossRest_mm = 0.45, kAlongRest_mm = 0.9;
 constexpr double kForceRest = 0.04;     // relative, of a force at another place than the weights'
 constexpr double kUnknownCreep = 0.06;  // relative deviation of forces of unknown age
-constexpr double kHysteresis = 0.03;
+constexpr double kHysteresis = 0.038;
 
 constexpr double kSettling_s = 0.5;  // after a weight was hung up, and before it is taken off
 constexpr double kShortestHold_s = 2;

@@ -39,6 +39,8 @@ HEADINGS = {
     "lbfgs_s": "L-BFGS, s", "lbfgs_front_mm": "L-BFGS, front face, mm", "lbfgs_force_n": "L-BFGS, force, N",
     "frame_million_instructions": "instructions of a frame, million",
     "a72_frame_ms_estimated": "a frame on a Cortex-A72 of 1.8 GHz at one instruction in a cycle (estimated), ms",
+    "reads": "reads", "p50_us": "median, µs", "p99_us": "99 %, µs", "attacks_per_s": "attacks in a second",
+    "heartbeat_per_s": "frames in a second", "server_cpu": "processors that the server took",
     "picture": "picture", "start": "start", "zero_frames": "frames of the zero", "firm_touches": "firm touches",
     "recall_top": ("top marker found, %", PERCENT), "recall_middle": ("middle, %", PERCENT), "recall_low": ("low, %", PERCENT),
     "family": "family", "cases": "cases", "bad": "not held", "settling_frames": "frames until settled",
@@ -176,6 +178,7 @@ SECTIONS = {
     "vision": {
         "title": "Pixels to registers", "area": "vision", "code": ["firmware/vision/observer.h"],
         "text": "Rendered images of one touch path through every stage of the firmware.",
+        "tabled": ["lab", "factory", "worst"],
         "pictures": [("paths.svg", "The paper's four paths: touched points found, over the true paths.")],
         "tables": [("vision.methods", ["preset", "method", "touch_mm_2_to_4", "touch_mm_above_4", "touch_mm_above_7",
                                        "false_valid", "flips_per_1000", "coverage_68", "coverage_95", "estimate_us_p50",
@@ -218,7 +221,10 @@ SECTIONS = {
                     "", "")]},
     "modbus": {
         "title": "Modbus", "area": "modbus", "code": ["firmware/modbus/server.h"],
-        "text": "A client's waits over loopback, alone, under attack, and during an hour's soak."},
+        "text": "A client's waits over loopback, alone, under attack, and during a soak.",
+        "tabled": ["attack"],
+        "tables": [("modbus.attack", ["method", "reads", "p50_us", "p99_us", "worst_ms", "attacks_per_s", "heartbeat_per_s",
+                                      "server_cpu"], "A lawful client beside each kind of attack.", "")]},
     "page": {
         "title": "Commissioning page", "area": "page", "code": ["firmware/page/README.md"],
         "text": "What browsers that watch cost the frame loop."},
