@@ -38,6 +38,13 @@ struct Mesh {
   ShapeModelData model, soft;
 };
 
+Mesh make_bench_mesh(const FingerSpec& spec, MeshSize size) {
+  const TetMesh tets = make_mesh(spec, size);
+  Mesh mesh{size, tets.min_dihedral_deg, make_shape_model(tets), {}};
+  mesh.soft = make_soft_shape_model(mesh.model.view());
+  return mesh;
+}
+
 /// Libraries may start threads of their own; all methods are measured on one core.
 void stay_on_one_core() {
   cpu_set_t core;
@@ -256,10 +263,7 @@ void run(const Options& options) {
   const MountModel mount = mount_of(spec);
   std::vector<Mesh> meshes;
   for (const MeshSize size : {MeshSize::kCoarse, MeshSize::kDefault, MeshSize::kMedium, MeshSize::kFine}) {
-    const TetMesh tets = make_mesh(spec, size);
-    Mesh mesh{size, tets.min_dihedral_deg, make_shape_model(tets), {}};
-    mesh.soft = make_soft_shape_model(mesh.model.view());
-    meshes.push_back(std::move(mesh));
+    meshes.push_back(make_bench_mesh(spec, size));
   }
   json iterations = json::array(), speed_error = json::array();
   {
@@ -272,6 +276,12 @@ void run(const Options& options) {
       speed_error.insert(speed_error.end(), schedules.begin(), schedules.end());
       progress.advance();
     }
+  }
+  const double exponent = growth_exponent(iterations),
+               operations_exponent = growth_exponent(iterations, "factor_operations");
+  if (!options.quick) {  // how it goes on, without schedules: a frame of it would take a tenth of a second
+    const json rows = measure_iterations(make_bench_mesh(spec, MeshSize::kFinest), mount, options.quick);
+    iterations.insert(iterations.end(), rows.begin(), rows.end());
   }
   const Mesh& standard = meshes[1];
   const int tets = standard.model.view().tets;
@@ -287,8 +297,8 @@ void run(const Options& options) {
         {"ratio_to_published", published_us / ours_us},
         {"ratio_to_eigen", time_of(iterations, tets, "eigen") / ours_us},
         {"ratio_to_cholmod", time_of(iterations, tets, "cholmod") / ours_us},
-        {"growth_exponent", growth_exponent(iterations)},
-        {"growth_exponent_operations", growth_exponent(iterations, "factor_operations")},
+        {"growth_exponent", exponent},
+        {"growth_exponent_operations", operations_exponent},
         {"limit",
          {{"multiply_adds_per_us", limit.multiply_adds_per_us},
           {"cache_bytes_per_us", limit.cache_bytes_per_us},

@@ -12,7 +12,8 @@ namespace finsight::host {
 inline const std::map<std::string, MeshSize> kMeshSizes = {{"coarse", MeshSize::kCoarse},
                                                            {"default", MeshSize::kDefault},
                                                            {"medium", MeshSize::kMedium},
-                                                           {"fine", MeshSize::kFine}};
+                                                           {"fine", MeshSize::kFine},
+                                                           {"finest", MeshSize::kFinest}};
 
 /// Its size, and where its worst tetrahedra are if they are bad.
 inline void print_mesh(const TetMesh& mesh) {

@@ -38,6 +38,8 @@ const char* switches(MeshSize size) {
       return "pq3/5AQT1e-10";
     case MeshSize::kDefault:
       return "pq1.4/15AQT1e-10";
+    case MeshSize::kFinest:
+      return "pq1.4/15a3.5AQT1e-10";
     case MeshSize::kFine:
       return "pq1.4/15a20AQT1e-10";
     case MeshSize::kMedium:

@@ -24,7 +24,7 @@ struct TetMesh {
   double min_dihedral_deg = 0;
 };
 
-enum class MeshSize { kCoarse, kDefault, kMedium, kFine };  ///< about 2k, 3-4k, 6k, 16k tets
+enum class MeshSize { kCoarse, kDefault, kMedium, kFine, kFinest };  ///< about 2k, 3-4k, 6k, 16k, 60k tets
 
 /// Meshes the finger. The same spec gives the same bytes. Throws InputError (surface cannot be closed: the reason) and
 /// std::runtime_error (tetgen missing, failed or over its time limit).

@@ -49,7 +49,7 @@ HEADINGS = {
     "train_s": "training, s", "predict_us": "a prediction, µs", "random_r2": "R², random split",
     "by_contact_point_r2": "R², by contact point", "random_rmse_mm": "RMSE, random split, mm",
     "by_contact_point_rmse_mm": "RMSE, by contact point, mm", "p50_ms": "median, ms", "p99_ms": "99 %, ms", "worst_ms": "worst, ms",
-    "dropped": "frames dropped", "memory_mb": "memory, MB", "growth_exponent_operations": "growth exponent of the factor's operations",
+    "dropped": "frames dropped", "memory_mb": "memory, MB", "growth_exponent_operations": "growth exponent of the factor's operations, up to 16,000 tetrahedra",
     "multiply_adds_per_us": "multiply-adds in a µs", "cache_bytes_per_us": "bytes read from the cache in a µs",
     "memory_bytes_per_us": "bytes read from memory in a µs",
     "fit": "fit", "forces": "forces", "force_relative": ("force, mean relative error, %", PERCENT), "force_mean_n": "mean error, N",
@@ -104,7 +104,7 @@ SECTIONS = {
                   "costing the same, the exponent of the whole lies between 1 and that one, the nearer to it the faster "
                   "the rest is."],
         "tabled": ["iterations", "mesh_difference"],
-        "pictures": [("growth.svg", "Time of an iteration against the number of tetrahedra; the exponent of each method."),
+        "pictures": [("growth.svg", "Time of an iteration against the number of tetrahedra; the exponent of each method over all meshes."),
                      ("parts.svg", "Where the time of an iteration of ours in float goes, by mesh. Black lines: what the "
                                    "multiply-adds of derivatives and factor alone take at this core's measured peak, or the "
                                    "factor's bytes where that is more: how far each is from the roof.")],
