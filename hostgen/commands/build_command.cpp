@@ -265,7 +265,7 @@ void add_build_command(CLI::App& app) {
   command->add_option("--save-dataset", options->save_dataset, "keep the states in this file (.safetensors)");
   command
       ->add_option("--size", options->size,
-                   "of the mesh: coarse, default, medium or fine; a dataset needs the size it was made with")
+                   "of the mesh: coarse, default, medium, fine or finest; a dataset needs the size it was made with")
       ->check(CLI::IsMember(kMeshSizes))
       ->capture_default_str();
   command->add_option("--points", options->points, "touched points, instead of the profile's")

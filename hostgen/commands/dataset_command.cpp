@@ -77,7 +77,7 @@ void add_dataset_command(CLI::App& app) {
   command->add_option("--forces", options->plan.forces, "forces per point, over the spec's range")
       ->check(CLI::Range(1, 200))
       ->capture_default_str();
-  command->add_option("--size", options->size, "of the mesh: coarse, default, medium or fine")
+  command->add_option("--size", options->size, "of the mesh: coarse, default, medium, fine or finest")
       ->check(CLI::IsMember(kMeshSizes))
       ->capture_default_str();
   command->add_option("--scene", options->scene,

@@ -57,7 +57,7 @@ void add_mesh_command(CLI::App& app) {
   command->add_option("-o,--output", options->output, "file to write (.vtu)")->required();
   command
       ->add_option("--size", options->size,
-                   "coarse, default, medium or fine: about 1,700, 3,500, 6,000 or 16,000 tetrahedra")
+                   "coarse, default, medium, fine or finest: about 1,700, 3,500, 6,000, 16,000 or 58,000 tetrahedra")
       ->check(CLI::IsMember(kMeshSizes));
   command->callback([options] { run(*options); });
 }

@@ -36,7 +36,7 @@ void add_probe_command(CLI::App& app) {
       "push a finger at nine places before the long work: which forces it bears, how far its plates move, what the "
       "camera could measure; proposes force range, threshold, rated deformation, plates' ranges and noise as TOML");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
-  command->add_option("--size", options->size, "of the mesh: coarse, default, medium or fine")
+  command->add_option("--size", options->size, "of the mesh: coarse, default, medium, fine or finest")
       ->check(CLI::IsMember(kMeshSizes))
       ->capture_default_str();
   command->callback([options] { run(*options); });
