@@ -158,8 +158,11 @@ void Recorder::run() {
       } else if (session) {
         session->add(slot);
         const auto seconds = static_cast<int>(session->seconds());
-        if (seconds != seconds_.exchange(seconds)) look_up_room();
-        if (seconds >= limits_.longest_s || mb_left_ == 0) finish(State::kFull);
+        // Frames may come much faster than their rate says; so the last megabytes are looked at frame by frame.
+        constexpr int kFew_mb = 64;
+        if (seconds != seconds_.exchange(seconds) || mb_left_ < kFew_mb) look_up_room();
+        const auto frame_mb = static_cast<int>(slot.grey.size() / 1'000'000);
+        if (seconds >= limits_.longest_s || mb_left_ <= frame_mb) finish(State::kFull);
       }
     } catch (const std::exception& error) {
       log_message(std::string("recording: ") + error.what());

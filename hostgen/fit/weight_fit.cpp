@@ -23,7 +23,7 @@ const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
 constexpr double kAcrossRest_mm = 0.45, kAlongRest_mm = 0.9;
 constexpr double kForceRest = 0.04;     // relative, of a force at another place than the weights'
 constexpr double kUnknownCreep = 0.06;  // relative deviation of forces of unknown age
-constexpr double kHysteresis = 0.038;
+constexpr double kHysteresis = 0.047;
 
 constexpr double kSettling_s = 0.5;  // after a weight was hung up, and before it is taken off
 constexpr double kShortestHold_s = 2;
