@@ -101,8 +101,7 @@ Finger::Finger(const Settings& settings, std::unique_ptr<Sensor> sensor, FaultCo
   if (settings.page) {
     // A page that cannot be shown is no reason not to measure.
     try {
-      page_.emplace(settings, sensor_->model, sensor_->images,
-                    sensor_->loop_settings.mount.value_or(sensor_->model.mount));
+      page_.emplace(settings, sensor_->model, sensor_->images, sensor_->loop_settings);
     } catch (const std::exception& error) {
       log_message(settings.name, std::string(error.what()) + "; the page (page.folder) will show no live values");
     }

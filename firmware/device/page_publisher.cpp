@@ -54,7 +54,8 @@ const char* name_of(Settings::Source source) {
 
 BlockContents contents_of(const Settings& settings, const Model& model, const SurfaceMesh& surface,
                           const std::vector<float>& rest_mm, const std::optional<SessionInfo>& images,
-                          const MountModel& mount) {
+                          const LoopSettings& loop) {
+  const MountModel mount = loop.mount.value_or(model.mount);
   std::vector<std::uint8_t> is_front(static_cast<std::size_t>(model.shape.nodes));
   for (const std::int32_t node : model.shape.front_nodes) is_front[static_cast<std::size_t>(node)] = 1;
   std::vector<int> front;
@@ -80,9 +81,7 @@ BlockContents contents_of(const Settings& settings, const Model& model, const Su
     about["markers"] = markers_at_rest(mount, images->lens);
   }
   about["mount"] = measured_mount_toml(poses_of(mount));
-  if (const auto& fit = settings.loop.fit; fit && fit->model_checksum == model.checksum) {
-    about["fit"] = measured_fit_toml(*fit);
-  }
+  if (loop.fit) about["fit"] = measured_fit_toml(*loop.fit);
   contents.about = about.dump();
   return contents;
 }
@@ -131,10 +130,10 @@ SurfaceMesh surface_of(const ShapeModel& shape) {
 }
 
 PagePublisher::PagePublisher(const Settings& settings, const Model& model, const std::optional<SessionInfo>& images,
-                             const MountModel& mount)
+                             const LoopSettings& loop)
     : surface_(surface_of(model.shape)),
       rest_mm_(rest_of(surface_, model.shape)),
-      block_(settings.page->folder, contents_of(settings, model, surface_, rest_mm_, images, mount)),
+      block_(settings.page->folder, contents_of(settings, model, surface_, rest_mm_, images, loop)),
       has_image_(images.has_value()),
       shape_(rest_mm_.size()) {}
 

@@ -21,10 +21,10 @@ SurfaceMesh surface_of(const ShapeModel& shape);
 
 class PagePublisher {
  public:
-  /// `images`: what the source's images are like; nothing if it has none. `mount`: of this device. Throws
-  /// std::system_error if the block cannot be created.
+  /// `images`: what the source's images are like; nothing if it has none. `loop`: what the frame loop was made
+  /// with. Throws std::system_error if the block cannot be created.
   PagePublisher(const Settings& settings, const Model& model, const std::optional<SessionInfo>& images,
-                const MountModel& mount);
+                const LoopSettings& loop);
 
   /// The frame that `loop` has just processed; `work_ns`: since its arrival. `picture` may be null. Never allocates,
   /// locks or waits.

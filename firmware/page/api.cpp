@@ -313,12 +313,12 @@ Answer Api::set_up(const std::string& path, const json& body) {
     return done_or(setup_.remove(id->get<int>()));
   }
   if (path == "/api/lens/clear") return done_or(setup_.clear());
-  if (path == "/api/lens/use") return restarted(setup_.use(Setup::Part::kLens));
+  if (path == "/api/lens/use") return restarted(setup_.use(Setup::Part::kLens, setup_.lens_toml()));
   if (path == "/api/lens/restore") return restarted(setup_.restore(Setup::Part::kLens));
   if (path == "/api/mount/measure") return done_or(setup_.measure_mount());
-  if (path == "/api/mount/use") return restarted(setup_.use(Setup::Part::kMount));
+  if (path == "/api/mount/use") return restarted(setup_.use(Setup::Part::kMount, setup_.mount_toml()));
   if (path == "/api/mount/restore") return restarted(setup_.restore(Setup::Part::kMount));
-  if (path == "/api/fit/use") return restarted(setup_.use_fit(text_of(body, "toml")));
+  if (path == "/api/fit/use") return restarted(setup_.use(Setup::Part::kFit, text_of(body, "toml")));
   if (path == "/api/fit/restore") return restarted(setup_.restore(Setup::Part::kFit));
   return not_found();
 }

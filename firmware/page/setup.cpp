@@ -290,28 +290,27 @@ fs::path Setup::stored(Part part) const {
   return settings_.page->measured / kNames[static_cast<std::size_t>(part)];
 }
 
-std::optional<Refusal> Setup::use(Part part) {
-  const std::string text = part == Part::kLens ? lens_toml() : mount_toml();
-  if (text.empty()) return Refusal{409, "There is no result to store."};
-  return store(part, text);
-}
-
-std::optional<Refusal> Setup::use_fit(const std::string& toml) {
+std::optional<Refusal> Setup::check_fit_text(const std::string& toml) const {
   try {
     const FitValues fit = read_measured_fit(TomlTable::parse_text(toml, "fit.toml"));
     check_fit(fit, Model::open(settings_.pack).checksum, "fit.toml");
   } catch (const InputError& error) {
     return Refusal{400, std::string(error.what()) + "."};
   }
-  return store(Part::kFit, toml);
+  return std::nullopt;
 }
 
-std::optional<Refusal> Setup::store(Part part, const std::string& text) {
+std::optional<Refusal> Setup::use(Part part, const std::string& toml) {
+  if (part == Part::kFit) {
+    if (auto refusal = check_fit_text(toml)) return refusal;
+  } else if (toml.empty()) {
+    return Refusal{409, "There is no result to store."};
+  }
   if (settings_.page->measured.empty()) return Refusal{409, "The board file names no folder for it (page.measured)."};
   try {
     const fs::path file = stored(part);
     if (fs::exists(file)) fs::rename(file, file.string() + ".former");
-    write_file_atomically(file, text);
+    write_file_atomically(file, toml);
   } catch (const std::system_error& error) {
     return Refusal{500, std::string("It cannot be stored: ") + error.what() + "."};
   }

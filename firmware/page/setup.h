@@ -38,10 +38,9 @@ class Setup {
   std::optional<Refusal> clear();
   std::optional<Refusal> measure_mount();
   enum class Part { kLens, kMount, kFit };
-  /// Stores the result; the former one stays beside it. finsightd uses it from its next start on.
-  std::optional<Refusal> use(Part part);
-  /// The same with what `hostgen fit` has written; a fit of another pack is refused.
-  std::optional<Refusal> use_fit(const std::string& toml);
+  /// Stores a result, lens_toml() or mount_toml(), or what `hostgen fit` has written; the former one stays beside it.
+  /// finsightd uses it from its next start on. A fit of another pack is refused.
+  std::optional<Refusal> use(Part part, const std::string& toml);
   /// Exchanges what is stored and the former one; without a former one the board file's is used again.
   std::optional<Refusal> restore(Part part);
 
@@ -57,7 +56,7 @@ class Setup {
   void measure();
   bool is_stopping();
   std::filesystem::path stored(Part part) const;
-  std::optional<Refusal> store(Part part, const std::string& text);
+  std::optional<Refusal> check_fit_text(const std::string& toml) const;
 
   const Settings& settings_;
   Device& device_;

@@ -10,6 +10,7 @@
 #include "hostgen/fit/weight_fit.h"
 #include "hostgen/fit/weight_list.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/gravity.h"
 
 namespace finsight::host {
 

@@ -20,7 +20,7 @@ std::uint16_t FittedDevice::day() const {
   return day;
 }
 
-LoopSettings FittedDevice::settings(const Model& model) const {
+std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model) const {
   LoopSettings settings;
   if (!mount.empty()) {
     settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(mount)));
@@ -29,15 +29,10 @@ LoopSettings FittedDevice::settings(const Model& model) const {
     settings.fit = read_measured_fit(TomlTable::parse_file(fit));
     check_fit(*settings.fit, model.checksum, fit.string());
   }
-  return settings;
-}
-
-std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model) const {
-  const LoopSettings device = settings(model);
   std::vector<std::vector<TouchReading>> readings(sessions.size());
   Progress progress("recordings", sessions.size());
   parallel_for(sessions.size(), [&](std::size_t i) {
-    readings[i] = session_touches(sessions[i], model, device);
+    readings[i] = session_touches(sessions[i], model, settings);
     progress.advance();
   });
   return readings;

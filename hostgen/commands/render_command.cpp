@@ -19,6 +19,7 @@
 #include "hostgen/render/touch_path.h"
 #include "hostgen/render/virtual_finger.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/gravity.h"
 
 namespace finsight::host {
 

@@ -5,7 +5,7 @@
 
 #include "firmware/geometry/so3.h"
 #include "hostgen/fem/dataset.h"
-#include "hostgen/finger/jig_holes.h"
+#include "hostgen/util/gravity.h"
 
 namespace finsight::host {
 

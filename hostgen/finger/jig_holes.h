@@ -12,10 +12,6 @@ namespace finsight::host {
 /// The pin that carries the weights, and the free bore of the guides that it slides in.
 inline constexpr double kJigPinMm = 3, kJigBoreMm = 3.3;
 
-/// Standard gravity. It differs by 0.3 % between places, less than weights of a set do.
-inline constexpr double kGravity_m_s2 = 9.80665;
-inline double weight_n(double mass_g) { return kGravity_m_s2 * mass_g / 1000; }
-
 struct JigHole {
   int number = 0;                                        ///< 1, 2, ...: printed beside the hole
   Eigen::Vector3d contact_mm = Eigen::Vector3d::Zero();  ///< where the pin's end meets the undeformed face

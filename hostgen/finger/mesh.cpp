@@ -186,7 +186,7 @@ TetgenOutput filled(const FingerSpec& spec, const std::string& poly, MeshSize si
 
 TetMesh make_mesh(const FingerSpec& spec, MeshSize size) {
   if (!spec.surface) check_shape(spec);
-  const Surface surface = spec.surface ? spec.surface->tetgen_input() : make_surface(make_grid(spec));
+  const Surface surface = finger_surface(spec);
   TetgenOutput raw = filled(spec, poly_text(surface), size);
   if (spec.surface) name_regions(raw, *spec.surface);
   TetMesh mesh;

@@ -9,6 +9,8 @@
 #include <set>
 #include <utility>
 
+#include "hostgen/finger/surface_finger.h"
+
 namespace finsight::host {
 
 namespace {
@@ -180,6 +182,10 @@ Surface make_surface(const FingerGrid& grid) {
     surface.seeds_mm.push_back(grid.middle({cell % nx, cell / nx % ny, cell / (nx * ny)}));
   }
   return surface;
+}
+
+Surface finger_surface(const FingerSpec& spec) {
+  return spec.surface ? spec.surface->tetgen_input() : make_surface(make_grid(spec));
 }
 
 std::vector<std::array<Eigen::Vector3d, 2>> outline_edges(const Surface& surface) {

@@ -25,6 +25,9 @@ struct Surface {
 /// Facets lie wherever two cells of different label meet, so the plates get facets of their own inside the body.
 Surface make_surface(const FingerGrid& grid);
 
+/// Everything that TetGen needs: of the spec's own surface where it has one, else of its walls and plates.
+Surface finger_surface(const FingerSpec& spec);
+
 /// From corner to corner along all outlines.
 std::vector<std::array<Eigen::Vector3d, 2>> outline_edges(const Surface& surface);
 

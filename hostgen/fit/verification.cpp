@@ -5,6 +5,7 @@
 #include <map>
 
 #include "firmware/input_error.h"
+#include "hostgen/util/gravity.h"
 #include "hostgen/util/statistics.h"
 
 namespace finsight::host {

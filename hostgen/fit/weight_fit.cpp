@@ -7,6 +7,7 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/finger/spec.h"
+#include "hostgen/util/gravity.h"
 #include "hostgen/util/statistics.h"
 
 namespace finsight::host {

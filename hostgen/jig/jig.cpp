@@ -263,11 +263,6 @@ TriangleSurface BentGrid::surface() const {
   return result;
 }
 
-/// Edges of the finger's surface, finger frame.
-std::vector<std::array<Vector3d, 2>> finger_edges(const FingerSpec& spec) {
-  return outline_edges(spec.surface ? spec.surface->tetgen_input() : make_surface(make_grid(spec)));
-}
-
 /// Corners of the part of the surface between two heights, as far as edges tell.
 std::vector<Vector3d> between(const std::vector<std::array<Vector3d, 2>>& edges, double low_mm, double high_mm) {
   std::vector<Vector3d> points;
@@ -308,7 +303,7 @@ JigFit fit_to(const FingerSpec& spec) {
   fit.holes = jig_holes(spec);
   fit.T_finger_jig = jig_frame(fit.holes.front().inward);
   const Eigen::Isometry3d T_jig_finger = fit.T_finger_jig.inverse();
-  const auto edges = finger_edges(spec);
+  const auto edges = outline_edges(finger_surface(spec));
   fit.base_y_mm = edges.front()[0].y();
   double nearest_mm = (T_jig_finger * edges.front()[0]).z();
   for (const auto& edge : edges) {

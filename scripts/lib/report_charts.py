@@ -185,12 +185,12 @@ def parts(results, file):
 
 
 def _floor_us(part, row, limit):
-    """What derivatives or a factorisation take at least: their multiply-adds at the measured peak, or the factor written once."""
-    if "factor_mb" not in row or not limit:
+    """What a part takes at least: its multiply-adds at the measured peak, or what it writes once. None where they are not counted."""
+    operations = row.get({"derivatives": "derivative_operations", "factor": "factor_operations"}.get(part))
+    if not operations or not limit:
         return None
-    if part == "derivatives":
-        return row.get("derivative_operations", 0) / limit["multiply_adds_per_us"]
-    return None if part != "factor" else max(row["factor_operations"] / limit["multiply_adds_per_us"], 1e6 * row["factor_mb"] / limit["cache_bytes_per_us"])
+    written_mb = row["factor_mb"] if part == "factor" else 0
+    return max(operations / limit["multiply_adds_per_us"], 1e6 * written_mb / limit["cache_bytes_per_us"])
 
 
 def touch_face(results, file):

@@ -72,7 +72,7 @@ def word(key):
     return key.replace("_", " ")
 
 
-def table(rows, columns, caption="", first_words=1):
+def table(rows, columns, caption=""):
     """Rows are dictionaries; a column that no row has is left out."""
     columns = [c for c in columns if any(row.get(c) is not None for row in rows)]
     if not rows or not columns:

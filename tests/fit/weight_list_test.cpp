@@ -4,8 +4,8 @@
 #include <unistd.h>
 
 #include "firmware/input_error.h"
-#include "hostgen/finger/jig_holes.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/gravity.h"
 
 using namespace finsight;
 using namespace finsight::host;

@@ -154,6 +154,7 @@ class Flash(Case):
                 self.assertIn("holds no system until", errors)
                 self.assertTrue(start == bytes(MIB))
 
+
 class Update(Case):
     def setUp(self):
         super().setUp()

@@ -175,9 +175,9 @@ class Machine:
         with socket.socket(socket.AF_UNIX) as client:
             client.settimeout(limit_s)
             self.connect(client, "shell.sock")
-            # The shell echoes what it is told, so the mark is put together only by what it runs.
+            # In a shell of its own: what a command sets or ends stays there. The shell echoes what it is told, so the mark is put together only by what it runs.
             client.sendall(f"stty -echo cols 200; PS1=; export SYSTEMD_COLORS=0 SYSTEMD_PAGER= SYSTEMD_URLIFY=0 TERM=dumb\n"
-                           f"echo begin-''{end}; {command}\n"
+                           f"echo begin-''{end}; (\n{command}\n)\n"
                            f"echo \"$? {end[:3]}\"'{end[3:]}'\n".encode())
             text = self.read_until(client, f" {end}\n".encode()).decode(errors="replace").replace("\r", "")
         text = text.split(f"begin-{end}\n")[-1]

@@ -1,7 +1,7 @@
 // Strip charts of the last minute. The history is kept for all of them, also while no chart is on show.
 import {device, listen} from "./device.js";
 import {text} from "./text.js";
-import {h, save} from "./dom.js";
+import {h, save, saveCsv} from "./dom.js";
 
 export const span_s = 60;
 export const series = [
@@ -113,6 +113,6 @@ export class Charts {
     const points = this.shown(), first = points[0]?.t || 0;
     const lines = [["time_s", ...series.map((s) => s.name)].join(",")];
     for (const p of points) lines.push([(p.t - first).toFixed(3), ...p.values.map((v, i) => (v === null ? "" : v.toFixed(series[i].digits + 1)))].join(","));
-    save("finsight-history.csv", new Blob([lines.join("\n") + "\n"], {type: "text/csv"}));
+    saveCsv("finsight-history.csv", lines);
   }
 }

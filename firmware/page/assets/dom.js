@@ -76,6 +76,26 @@ export function toast(text, level = "") {
   setTimeout(() => element.remove(), level === "bad" ? 9000 : 4500);
 }
 
+/** Rows of cells below the names of their columns; a cell is a text or a td of one's own. */
+export const table = (label, columns, rows) =>
+  h("div", {class: "scroll", tabIndex: 0, role: "region", "aria-label": label}, h("table", {},
+    h("thead", {}, h("tr", {}, columns.map((name) => h("th", {scope: "col"}, name)))),
+    h("tbody", {}, rows.map((cells) => h("tr", {}, cells.map((cell) => (cell instanceof Node ? cell : h("td", {class: "number"}, cell))))))));
+
+/** A button that asks for a file and gives its text to `use`, or tells `refusal` where it is too long for one of ours. */
+export function fileButton(name, accept, refusal, use) {
+  const chooser = h("input", {type: "file", accept, hidden: true, "aria-label": name, onchange: async () => {
+    const file = chooser.files[0];
+    chooser.value = "";
+    if (!file) return;
+    if (file.size > 200000) toast(refusal, "bad");
+    else use(await file.text());
+  }});
+  return [h("button", {onclick: () => chooser.click()}, name), chooser];
+}
+
+export const saveCsv = (name, lines) => save(name, new Blob([lines.join("\n") + "\n"], {type: "text/csv"}));
+
 export function save(name, blob) {
   const link = h("a", {href: URL.createObjectURL(blob), download: name});
   link.click();

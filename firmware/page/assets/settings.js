@@ -1,8 +1,8 @@
 // Settings with what they do and how far they may go; all of them as one file.
-import {device, change, order, get, post} from "./device.js";
+import {device, change, order, get} from "./device.js";
 import {digits, unitOf, words} from "./decode.js";
 import {text} from "./text.js";
-import {card, h, save, setText, toast} from "./dom.js";
+import {card, fileButton, h, save, setText, toast} from "./dom.js";
 
 const groupOf = (row) => (row.address < 1016 ? "thresholds" : row.address >= 1100 ? "helpers" : "behaviour");
 
@@ -57,24 +57,15 @@ export function settingsPage() {
       save(`finsight-${file.serial_number || "device"}.json`, new Blob([JSON.stringify(file, null, 2) + "\n"], {type: "application/json"}));
     } catch (error) { toast(error.message, "bad"); }
   }
-  async function importFile() {
-    const file = chooser.files[0];
-    chooser.value = "";
-    if (!file) return;
-    try {
-      if (file.size > 200000) throw new Error(t.not_json);
-      let content;
-      try { content = JSON.parse(await file.text()); } catch { throw new Error(t.not_json); }
-      if (!confirm(t.import_ask)) return;
-      await post("/api/import", content);
-      toast(t.imported);
-      fields.forEach((f) => f.reset());
-    } catch (error) { if (error) toast(error.message, "bad"); }
+  async function importText(written) {
+    let content;
+    try { content = JSON.parse(written); } catch { toast(t.not_json, "bad"); return; }
+    if (!confirm(t.import_ask)) return;
+    if (await change("/api/import", content, t.imported)) fields.forEach((f) => f.reset());
   }
-  const chooser = h("input", {type: "file", accept: ".json,application/json", hidden: true, onchange: importFile, "aria-label": t.import});
   const groups = Object.entries(t.groups).map(([key, name]) => card(name, null, fields.filter((f) => groupOf(f.row) === key).map((f) => f.element)));
   const element = h("div", {}, h("h1", {}, t.title), groups,
-    card(t.file, [h("button", {onclick: exportFile}, t.export), h("button", {onclick: () => chooser.click()}, t.import), chooser,
+    card(t.file, [h("button", {onclick: exportFile}, t.export), ...fileButton(t.import, ".json,application/json", t.not_json, importText),
                   h("button", {class: "danger", onclick: async () => { if (confirm(t.factory_ask) && await order("factory")) fields.forEach((f) => f.reset()); }}, t.factory_all)],
          h("div", {class: "body soft"}, t.file_note)),
     h("div", {class: "bar-bottom"}, count, h("span", {class: "gap"}), discard, apply, h("button", {onclick: () => order("save")}, t.save)));

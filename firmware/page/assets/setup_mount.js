@@ -1,7 +1,7 @@
 // The finger at rest -> where camera and markers really are, computed on the device.
 import {device, change, get} from "./device.js";
 import {text} from "./text.js";
-import {card, h, setText, toast} from "./dom.js";
+import {card, h, setText, table, toast} from "./dom.js";
 import {CameraView} from "./camera.js";
 import {WhyList, pictureReasons} from "./why.js";
 
@@ -31,9 +31,8 @@ export function mountStep() {
     const vector = (v, s) => v.map((x, k) => `${x.toFixed(2)} ± ${s[k].toFixed(2)}`).join(", ");
     result.replaceChildren(card(t.result, [h("a", {class: "button", href: "/api/mount/file", download: "mount.toml"}, t.download),
         now.can_store && h("button", {class: "main", onclick: () => use("/api/mount/use", t.used)}, t.use)],
-      h("div", {class: "scroll", tabIndex: 0, role: "region", "aria-label": t.result}, h("table", {}, h("thead", {}, h("tr", {}, [t.part, t.shift, t.turn].map((n) => h("th", {scope: "col"}, n)))),
-        h("tbody", {}, parts.map((p) => h("tr", {}, h("td", {}, t.parts[p.name]), h("td", {class: "number"}, vector(p.shift_mm, p.shift_sigma_mm)),
-          h("td", {class: "number"}, vector(p.turn_deg, p.turn_sigma_deg))))))),
+      table(t.result, [t.part, t.shift, t.turn], parts.map((p) => [h("td", {}, t.parts[p.name]), vector(p.shift_mm, p.shift_sigma_mm),
+                                                                   vector(p.turn_deg, p.turn_sigma_deg)])),
       h("footer", {}, t.fits(rms.toFixed(2), pictures), now.can_store ? null : h("span", {}, t.cannot_store))));
   }
   async function refresh() {

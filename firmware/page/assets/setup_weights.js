@@ -1,7 +1,7 @@
 // Known weights: readings against them, recordings for a fit, and what fit and certificate say.
 import {change, device, get, listen, order} from "./device.js";
 import {text} from "./text.js";
-import {card, h, save, setText, toast} from "./dom.js";
+import {card, fileButton, h, saveCsv, setText, table, toast} from "./dom.js";
 
 const kNewtonPerGram = 9.80665e-3, kReading_ms = 2000;
 const day = (d) => new Date(Date.UTC(2000, 0, 1) + d * 864e5).toISOString().slice(0, 10);
@@ -18,12 +18,6 @@ function reading() {
       resolve(whole ? Object.fromEntries(names.map((name, k) => [name, mean(seen.map((row) => row[k]))])) : null);
     }, kReading_ms);
   });
-}
-
-function table(t, columns, rows) {
-  return h("div", {class: "scroll", tabIndex: 0, role: "region", "aria-label": t}, h("table", {},
-    h("thead", {}, h("tr", {}, columns.map((name) => h("th", {scope: "col"}, name)))),
-    h("tbody", {}, rows.map((cells) => h("tr", {}, cells.map((cell) => h("td", {class: "number"}, cell)))))));
 }
 
 const readings = [], recorded = [];  // kept while people go from step to step
@@ -49,12 +43,12 @@ export function weightsStep() {
     const off = (r) => r.force - kNewtonPerGram * r.mass, inside = (r) => Math.abs(off(r)) <= r.force_uncertainty;
     const rows = readings.map((r) => [r.hole, r.mass, (kNewtonPerGram * r.mass).toFixed(2), `${r.force.toFixed(2)} ± ${r.force_uncertainty.toFixed(2)}`,
       `${(100 * off(r) / (kNewtonPerGram * r.mass)).toFixed(1)} %`, inside(r) ? "✓" : "✗"]);
-    const csv = () => save("readings.csv", new Blob([["hole,mass_g,force_n,force_sigma_n,x_mm,y_mm,z_mm,radius_mm", ...readings.map((r) =>
-      [r.hole, r.mass, r.force.toFixed(3), r.force_uncertainty.toFixed(3), r.touch_x.toFixed(2), r.touch_y.toFixed(2), r.touch_z.toFixed(2), r.touch_uncertainty.toFixed(2)].join(","))].join("\n") + "\n"], {type: "text/csv"}));
+    const csv = () => saveCsv("readings.csv", ["hole,mass_g,force_n,force_sigma_n,x_mm,y_mm,z_mm,radius_mm", ...readings.map((r) =>
+      [r.hole, r.mass, r.force.toFixed(3), r.force_uncertainty.toFixed(3), r.touch_x.toFixed(2), r.touch_y.toFixed(2), r.touch_z.toFixed(2), r.touch_uncertainty.toFixed(2)].join(","))]);
     shown.replaceChildren(...(!readings.length ? [] : [table(t.title, t.columns, rows),
       h("footer", {}, t.summary(mean(readings.map((r) => Math.abs(off(r)))).toFixed(2), readings.filter(inside).length, readings.length),
         h("button", {onclick: csv}, text.live.csv), h("button", {onclick: () => { readings.length = 0; show(); }}, t.clear))]));
-    const weights = () => save("weights.csv", new Blob([["session,hole,mass_g", ...recorded.map((r) => [r.session, r.hole, r.mass].join(","))].join("\n") + "\n"], {type: "text/csv"}));
+    const weights = () => saveCsv("weights.csv", ["session,hole,mass_g", ...recorded.map((r) => [r.session, r.hole, r.mass].join(","))]);
     listed.replaceChildren(...(!recorded.length ? [] : [table(t.record_title, [t.session, t.hole, t.mass], recorded.map((r) => [r.session, r.hole, r.mass])),
       h("footer", {}, h("code", {}, `hostgen fit ${recorded.map((r) => r.session).join(" ")} --weights weights.csv --spec SPEC --pack PACK -o fit.toml`),
         h("button", {onclick: weights}, "weights.csv"), h("button", {onclick: () => { recorded.length = 0; show(); }}, t.clear))]));
@@ -71,17 +65,6 @@ export function weightsStep() {
     } catch (error) { toast(error.message, "bad"); }
   }}, text.recordings.stop);
 
-  /** A button that asks for a file and gives its text to `use`. */
-  function filed(name, accept, use) {
-    const input = h("input", {type: "file", accept, hidden: true, "aria-label": name, onchange: async () => {
-      const file = input.files[0];
-      input.value = "";
-      if (!file) return;
-      if (file.size > 200000) toast(t.not_such, "bad");
-      else use(await file.text());
-    }});
-    return [h("button", {onclick: () => input.click()}, name), input];
-  }
   const useFit = (toml) => change("/api/fit/use", {toml}, t.fit_used);
   function useCertificate(content) {
     let settings = null;
@@ -112,7 +95,7 @@ export function weightsStep() {
             card(t.title, take, h("div", {class: "body"}, h("p", {}, t.text), inputs, now), shown),
             h("div", {}, card(t.record_title, [start, stop], h("div", {class: "body"}, h("p", {}, t.record_text)), listed),
               card(t.fit_title, null, h("div", {class: "body"}, facts, h("p", {class: "soft"}, t.fit_text),
-                h("div", {class: "row"}, filed(t.use_fit, ".toml", useFit), h("button", {onclick: () => change("/api/fit/restore", {}, t.restored)}, t.restore),
-                  filed(t.use_certificate, ".json,application/json", useCertificate))))))),
+                h("div", {class: "row"}, fileButton(t.use_fit, ".toml", t.not_such, useFit), h("button", {onclick: () => change("/api/fit/restore", {}, t.restored)}, t.restore),
+                  fileButton(t.use_certificate, ".json,application/json", t.not_such, useCertificate))))))),
           update};
 }
