@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "firmware/shape/newton.h"
 #include "firmware/shape/shape_stage.h"
@@ -47,7 +48,13 @@ void examine(const ShapeParts& parts, const FingerShape& shape, HardCaseResult& 
 
 HardCaseResult run_hard_case(const ShapeParts& parts, const HardCase& hard_case);
 
+/// A family of cases that are more than a motion.
+struct HardVariant {
+  const char* family;
+  void (*run)(const ShapeParts&, std::vector<HardCaseResult>&);  ///< adds its results
+};
+
 /// Slivers, other units, other tiers and schedules, an inverted start, float against double, soft handles.
-void run_variants(const ShapeParts& parts, std::vector<HardCaseResult>& results);
+std::span<const HardVariant> hard_variants();
 
 }  // namespace finsight::host

@@ -1,9 +1,12 @@
 #include "hostgen/hard_cases/hard_cases.h"
 
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <limits>
 
 #include "hostgen/hard_cases/hard_case.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -142,21 +145,37 @@ void add_noise(const MountModel& mount, std::vector<HardCase>& cases) {
 }  // namespace
 
 std::vector<HardCaseResult> run_hard_cases(const ShapeParts& parts, int walk_frames) {
-  constexpr std::pair<const char*, void (*)(const MountModel&, std::vector<HardCase>&)> kFamilies[] = {
+  constexpr std::pair<const char*, void (*)(const MountModel&, std::vector<HardCase>&)> kMotions[] = {
       {"bends and twists", add_bends},      {"jumps", add_jumps},
       {"impossible poses", add_impossible}, {"plates not seen", add_losses},
       {"spoilt numbers", add_numbers},      {"noise", add_noise}};
-  std::vector<HardCaseResult> results;
-  for (const auto& [family, add] : kFamilies) {
-    std::vector<HardCase> cases;
+  struct Job {
+    const char* family;
+    std::function<void(std::vector<HardCaseResult>&)> run;
+  };
+  std::vector<Job> jobs;
+  std::vector<HardCase> cases;
+  for (const auto& [family, add] : kMotions) {
+    const std::size_t first = cases.size();
     add(parts.mount, cases);
-    for (const HardCase& hard_case : cases) {
-      results.push_back(run_hard_case(parts, hard_case));
-      results.back().family = family;
+    for (std::size_t k = first; k < cases.size(); ++k) {
+      jobs.push_back({family, [&, k](auto& found) { found.push_back(run_hard_case(parts, cases[k])); }});
     }
   }
-  run_variants(parts, results);
-  results.push_back(run_random_walk(parts, walk_frames));
+  for (const HardVariant& variant : hard_variants()) {
+    jobs.push_back({variant.family, [&](auto& found) { variant.run(parts, found); }});
+  }
+  jobs.push_back({"random walk", [&](auto& found) { found.push_back(run_random_walk(parts, walk_frames)); }});
+  std::vector<std::vector<HardCaseResult>> found(jobs.size());
+  Progress progress("hard cases", jobs.size());
+  parallel_for(jobs.size(), [&](std::size_t k) {
+    const std::size_t i = jobs.size() - 1 - k;  // the last are the longest, so they begin first
+    jobs[i].run(found[i]);
+    for (HardCaseResult& result : found[i]) result.family = jobs[i].family;
+    progress.advance();
+  });
+  std::vector<HardCaseResult> results;
+  for (auto& part : found) std::move(part.begin(), part.end(), std::back_inserter(results));
   return results;
 }
 

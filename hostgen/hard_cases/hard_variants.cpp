@@ -205,19 +205,14 @@ void run_soft_handles(const ShapeParts& parts, std::vector<HardCaseResult>& resu
 
 }  // namespace
 
-void run_variants(const ShapeParts& parts, std::vector<HardCaseResult>& results) {
-  constexpr std::pair<const char*, void (*)(const ShapeParts&, std::vector<HardCaseResult>&)> kFamilies[] = {
-      {"slivers", run_slivers},
-      {"other units", run_units},
-      {"other tiers and schedules", run_tiers},
-      {"inverted start", run_inverted_start},
-      {"float against double", run_float_against_double},
-      {"soft handles", run_soft_handles}};
-  for (const auto& [family, run] : kFamilies) {
-    const std::size_t first = results.size();
-    run(parts, results);
-    for (std::size_t k = first; k < results.size(); ++k) results[k].family = family;
-  }
+std::span<const HardVariant> hard_variants() {
+  static constexpr HardVariant kVariants[] = {{"slivers", run_slivers},
+                                              {"other units", run_units},
+                                              {"other tiers and schedules", run_tiers},
+                                              {"inverted start", run_inverted_start},
+                                              {"float against double", run_float_against_double},
+                                              {"soft handles", run_soft_handles}};
+  return kVariants;
 }
 
 }  // namespace finsight::host

@@ -16,7 +16,7 @@ namespace finsight::host {
 nlohmann::json measure_solver(const Model& model, const nlohmann::json& bench, bool quick);
 
 /// The table of hard cases on this model, a random search for new ones with the worst it found, and hard_states.json in
-/// `folder`, the shapes of the ten worst cases. `quick`: a short random walk, 100 random motions instead of 10,000.
+/// `folder`, the shapes of the ten worst cases. `quick`: a short random walk, 50 random motions instead of 10,000.
 nlohmann::json measure_hard_cases(const Model& model, const std::filesystem::path& folder, bool quick);
 
 /// The training truth: `built`, its figures from hostgen build, with the comparison with CalculiX on three loads per

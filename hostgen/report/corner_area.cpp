@@ -145,7 +145,7 @@ void add_by_pose(const FingerSpec& spec, int images, json& rows) {
 }  // namespace
 
 json measure_corners(const FingerSpec& spec, bool quick) {
-  const int images = quick ? 6 : 40;
+  const int images = quick ? 3 : 40;
   const ImageQuality lab = image_preset("lab");
   struct Condition {
     std::string varied;

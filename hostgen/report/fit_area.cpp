@@ -299,7 +299,7 @@ json measure_fits(const Model& model, const FingerSpec& spec, const std::filesys
 }
 
 json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
-  return measure_fits(model, spec, folder, quick ? 4 : 50, kFirstFinger);
+  return measure_fits(model, spec, folder, quick ? 2 : 50, kFirstFinger);
 }
 
 }  // namespace finsight::host

@@ -14,7 +14,7 @@ using nlohmann::json;
 
 namespace {
 
-constexpr int kQuickMotions = 100, kMotions = 10'000, kQuickWalk = 200, kWalk = 100'000;
+constexpr int kQuickMotions = 50, kMotions = 10'000, kQuickWalk = 200, kWalk = 100'000;
 constexpr std::uint64_t kSearchSeed = 22;
 constexpr std::size_t kPictures = 10;
 

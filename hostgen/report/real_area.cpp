@@ -27,7 +27,7 @@ json measure_real(const Model& model, const std::filesystem::path& recordings, c
   const PenDistance pen = measure_pen_distance(motion, model, quick ? 500 : 5000);
   real["pen_distance_mm"] = pen.mean_mm;
   real["pen_distance"] = {{"error_95_mm", pen.error_95_mm}, {"unbent_mean_mm", pen.rest_mean_mm}, {"rows", pen.rows}};
-  for (const RecordingScore& score : train_on_recordings(motion, &model, {.steps = quick ? 2000 : 20000})) {
+  for (const RecordingScore& score : train_on_recordings(motion, &model, {.steps = quick ? 200 : 20000})) {
     const auto errors = [](const AxisErrors& axes) { return json{{"rmse_mm", axes.rmse_mm}, {"r2", axes.r2}}; };
     real["methods"][score.method] = {
         {"random", errors(score.random)}, {"by_contact_point", errors(score.by_point)}, {"mean_mm", score.mean_mm}};

@@ -277,7 +277,7 @@ void plot_reliability(const std::vector<CaseResult>& results, const std::string&
 
 json floor_json(const FingerSpec& spec, bool quick) {
   json rows = json::array();
-  for (const InformationLimit& limit : information_limits(spec, quick ? 6 : 30)) {
+  for (const InformationLimit& limit : information_limits(spec, quick ? 3 : 30)) {
     json row = {{"unknown", limit.name}, {"states", limit.states}};
     for (const auto& [parameter, deviation] : limit.deviations) row[parameter] = deviation;
     rows.push_back(row);
@@ -293,7 +293,7 @@ json measure_scenes(const Model& model, const FingerSpec& spec, const std::files
   double worst_cover = 0, worst_lies = 0;
   Progress progress("cases", scene_cases().size());
   for (const SceneCase& scene_case : scene_cases()) {
-    const std::vector<CaseState> states = firm_states(spec, scene_case, quick ? 8 : 40);
+    const std::vector<CaseState> states = firm_states(spec, scene_case, quick ? 2 : 40);
     std::vector<Trial> trials = run_case(model, spec, scene_case, states);
     const Summary summary(trials);
     json row = summary.figures();

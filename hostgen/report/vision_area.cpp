@@ -238,7 +238,7 @@ json method_rows(const std::string& preset, const json& figures) {
 /// The paper's four paths (its figure 7) as the firmware sees them in images of preset lab, drawn over the truth.
 json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh, const std::filesystem::path& folder,
                 bool quick) {
-  const double seconds = quick ? 3 : 8;
+  const double seconds = quick ? 2 : 8;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const Lens& camera = spec.cameras[0];
   const ImageQuality quality = image_preset("lab");
@@ -287,7 +287,7 @@ json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh,
 }  // namespace
 
 json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
-  const double seconds = quick ? 4 : 24;
+  const double seconds = quick ? 1.5 : 24;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const TetMesh mesh = make_mesh(spec);
   const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);

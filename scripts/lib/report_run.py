@@ -91,21 +91,21 @@ def modbus(report):
     build("finsightd")
     session = report.session("640x480")
     figures = {"attack": report.tool("attack", HOSTGEN, BINARIES / "finsightd", report.pack, session, "--seconds",
-                                     report.choose(4, 20), "--command-seconds", report.choose(5, 60))}
-    figures["soak"] = report.tool("soak", BINARIES / "finsightd", report.pack, session, "--seconds", report.choose(6, 60))
+                                     report.choose(3, 20), "--command-seconds", report.choose(4, 60))}
+    figures["soak"] = report.tool("soak", BINARIES / "finsightd", report.pack, session, "--seconds", report.choose(4, 60))
     return figures
 
 
 def page(report):
     build("finsightd", "finsight-page")
     return {"page": report.tool("page_cost", BINARIES, report.pack, report.session("1280x720", "--seconds", 6), "--rounds",
-                                report.choose(3, 9), "--seconds", report.choose(4, 8))}
+                                report.choose(2, 9), "--seconds", report.choose(3, 8))}
 
 
 def fingers(report):
     build("finsightd")
     return {"fingers": report.tool("fingers", BINARIES / "finsightd", report.pack, report.session("640x480"), "--seconds",
-                                   report.choose(5, 20))}
+                                   report.choose(3, 20))}
 
 
 def appliance(_):
@@ -119,10 +119,10 @@ def nothing(_):
 
 # Area: what hostgen does not measure by itself, and how many seconds it takes, quick and in full, where nobody has measured.
 AREAS = {
-    "solver": (solver, 40, 420), "hard": (nothing, 25, 600), "fem": (nothing, 10, 120), "touch": (nothing, 15, 240),
-    "scene": (nothing, 20, 300), "fit": (nothing, 40, 900), "real": (nothing, 5, 240), "force": (nothing, 10, 120), "vision": (nothing, 30, 240),
-    "modbus": (modbus, 40, 240), "page": (page, 30, 180), "fingers": (fingers, 16, 70), "pictures": (nothing, 30, 300),
-    "appliance": (appliance, 1, 1),
+    "solver": (solver, 25, 420), "hard": (nothing, 25, 300), "fem": (nothing, 2, 120), "touch": (nothing, 15, 240),
+    "scene": (nothing, 30, 600), "fit": (nothing, 30, 700), "real": (nothing, 20, 400), "force": (nothing, 15, 120),
+    "vision": (nothing, 20, 200), "modbus": (modbus, 30, 240), "page": (page, 30, 200), "fingers": (fingers, 10, 60),
+    "pictures": (nothing, 25, 400), "appliance": (appliance, 1, 1),
 }
 
 

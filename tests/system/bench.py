@@ -44,6 +44,7 @@ class Bench:
         self.default_settings = ("hold_time_ms = 5000\n" +
                                  (SOURCE / "boards" / "image" / "esp" / "finsight.toml").read_text())
         self.measured = {}
+        self.fault_minutes, self.seed = arguments.fault_minutes, arguments.seed
 
     def image(self):
         return next(self.image_folder.glob("finsight-*.img"))

@@ -68,6 +68,7 @@ class Machine:
         self.folder = Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.process = None
+        self.write_log = None  # a file: every write to a raw card is kept there, too (QEMU's blklogwrites)
         self.slowness = 1.0  # of this workstation just now, by the last start: what time limits are multiplied with
         for name, text in (("unit", credential("systemd.extra-unit.test-shell.service", SHELL_UNIT)),
                            ("want", credential("systemd.unit-dropin.multi-user.target", SHELL_WANT))):
@@ -80,12 +81,18 @@ class Machine:
         """For start(): a USB port for a UsbCamera on camera.sock in our folder."""
         return ["-chardev", self.chardev("camera"), "-device", "usb-redir,chardev=camera"]
 
+    def card_drive(self):
+        if not self.write_log:
+            return f"if=none,id=card,file={self.card},format={self.format}"
+        return (f"if=none,id=card,driver=blklogwrites,file.driver=raw,file.file.driver=file,file.file.filename={self.card},"
+                f"log.driver=raw,log.file.driver=file,log.file.filename={self.write_log}")
+
     def command(self, *more):
         # With ACPI the machine has no GPIO lines, so it describes itself by device tree.
         return ["qemu-system-aarch64", "-M", "virt,gic-version=3,acpi=off", "-cpu", "cortex-a72",
                 "-m", "768", "-nographic", "-nodefaults",
                 "-drive", f"if=pflash,format=raw,unit=0,readonly=on,file={FIRMWARE}",
-                "-drive", f"if=none,id=card,file={self.card},format={self.format}",
+                "-drive", self.card_drive(),
                 "-device", "virtio-blk-pci,drive=card,bootindex=0",
                 "-netdev", f"user,id=net,restrict=on,hostfwd=tcp:127.0.0.1:{self.port}-:502,"
                 f"hostfwd=tcp:127.0.0.1:{self.page_port}-:80",
