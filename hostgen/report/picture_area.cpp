@@ -160,7 +160,7 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
 }  // namespace
 
 json measure_pictures(const Model& model, const FingerSpec& spec, bool quick) {
-  const double seconds = quick ? 1.2 : 24;
+  const double seconds = quick ? 1.2 : 16;
   const auto frames = static_cast<int>(seconds * kFramesPerSecond);
   const TetMesh mesh = make_mesh(spec);
   const auto path = [&](TouchPlan::Path kind) {

@@ -287,7 +287,7 @@ json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh,
 }  // namespace
 
 json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
-  const double seconds = quick ? 1.5 : 24;
+  const double seconds = quick ? 1.5 : 16;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const TetMesh mesh = make_mesh(spec);
   const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);
