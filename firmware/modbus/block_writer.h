@@ -14,6 +14,8 @@
 
 namespace finsight {
 
+inline constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
 class BlockWriter {
  public:
   /// `words` begin at address `first`.
@@ -39,7 +41,7 @@ class BlockWriter {
       put(row.address, valid ? static_cast<std::int64_t>(std::clamp(counts, 0.0, 65534.0)) : 65535);
     } else {
       // The same NaN on all processors: those that x86 and ARM compute differ in their sign.
-      const float number = valid ? static_cast<float>(value) : std::numeric_limits<float>::quiet_NaN();
+      const float number = valid ? static_cast<float>(value) : static_cast<float>(kNan);
       put_pair(row.address, std::bit_cast<std::uint32_t>(number));
     }
   }

@@ -34,8 +34,6 @@ constexpr std::array kRepeated = {
 };
 static_assert(kRepeated.size() == kFingerStride);
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
 /// How hard a finger is touched. One that works, sees all of its plates and tells no touch is touched too lightly.
 struct Forces {
   double force_n = kNan, normal_n = kNan, normal_variance = kNan;

@@ -29,8 +29,6 @@ static_assert(address_of("touch_z_net") == address_of("force_net") + kTouchZ);
 static_assert(address_of("touch_z_peak") == address_of("force_peak") + kTouchZ);
 static_assert(address_of("touch_z_minimum") == address_of("force_minimum") + kTouchZ);
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
 // No status bit may announce a NaN that slipped through a stage as valid.
 bool is_valid(const Touch& touch) {
   return touch.quality != Quality::kInvalid && touch.point_mm.allFinite() && touch.contact_mm.allFinite() &&

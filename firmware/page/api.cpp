@@ -19,7 +19,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kJpegQuality = 80;
 constexpr double kBoardSquare_mm = 18;  // ten of them fit on a sheet of A4
 // Of the image's system: which version runs, and whether another one has been installed and starts next.
 constexpr const char *kRelease = "/usr/lib/finsight/release", *kRestarts = "/run/finsight/updated";
@@ -143,7 +142,7 @@ Answer Api::picture() {
     return std::string(text);
   };
   jpeg_ = {.type = "image/jpeg",
-           .body = jpeg_of(*picture, kJpegQuality),
+           .body = jpeg_of(*picture),
            .fields = {{"X-Finsight-Frame", std::to_string(picture->number)},
                       {"X-Finsight-Edge-Px", number(quality.edge_px)},
                       {"X-Finsight-Mean", number(quality.mean)},

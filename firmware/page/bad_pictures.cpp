@@ -11,7 +11,6 @@ using nlohmann::json;
 
 constexpr std::int64_t kStands_ns = 3 * kNsPerS / 10;  // what passes sooner is no more than a passing shadow
 constexpr std::int64_t kAgain_ns = 30 * kNsPerS, kFresh_ns = kNsPerS;
-constexpr int kJpegQuality = 80;
 
 const char* name_of(std::uint16_t fault) {
   for (const NamedValue& value : row_named("fault").values) {
@@ -48,7 +47,7 @@ void BadPictures::look(Device& device, std::int64_t now_ns) {
   const auto picture = device.picture();
   if (!picture || picture->number < wanted_) return;
   wanted_ = 0;
-  std::string jpeg = jpeg_of(*picture, kJpegQuality);
+  std::string jpeg = jpeg_of(*picture);
   const std::lock_guard guard(mutex_);
   kept_.push_front({next_id_++, now_ns, fault, hidden, std::move(jpeg)});
   if (kept_.size() > kMost) kept_.pop_back();

@@ -12,6 +12,8 @@ namespace finsight::page {
 
 namespace {
 
+constexpr int kJpegQuality = 80;
+
 constexpr int kEveryRow = 8;     // enough for a meter
 constexpr int kReach_px = 12;    // on either side of an edge, for its two levels
 constexpr int kLeastSlope = 12;  // grey levels per pixel; less is noise
@@ -51,7 +53,7 @@ PictureQuality quality_of(const PublishedPicture& picture) {
   return quality;
 }
 
-std::string jpeg_of(const PublishedPicture& picture, int quality) {
+std::string jpeg_of(const PublishedPicture& picture) {
   struct Handle {
     tjhandle handle = tjInitCompress();
     unsigned char* bytes = nullptr;
@@ -62,7 +64,7 @@ std::string jpeg_of(const PublishedPicture& picture, int quality) {
   } compressor;
   unsigned long size = 0;
   if (!compressor.handle || tjCompress2(compressor.handle, picture.grey.data(), picture.width_px, 0, picture.height_px,
-                                        TJPF_GRAY, &compressor.bytes, &size, TJSAMP_GRAY, quality, 0) != 0) {
+                                        TJPF_GRAY, &compressor.bytes, &size, TJSAMP_GRAY, kJpegQuality, 0) != 0) {
     throw std::runtime_error("the picture cannot be compressed");
   }
   return std::string(reinterpret_cast<const char*>(compressor.bytes), size);

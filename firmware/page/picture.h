@@ -16,6 +16,6 @@ struct PictureQuality {
 PictureQuality quality_of(const PublishedPicture& picture);
 
 /// Grey JPEG (libjpeg-turbo). Throws std::runtime_error.
-std::string jpeg_of(const PublishedPicture& picture, int quality);
+std::string jpeg_of(const PublishedPicture& picture);
 
 }  // namespace finsight::page

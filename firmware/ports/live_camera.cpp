@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <semaphore>
 #include <thread>
+#include <utility>
 
 #include "firmware/input_error.h"
 #include "firmware/ports/camera.h"

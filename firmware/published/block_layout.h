@@ -4,8 +4,11 @@
 #pragma once
 
 #include <atomic>
+#include <cerrno>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
+#include <system_error>
 
 #include "firmware/published/block.h"
 
@@ -68,6 +71,11 @@ bool read_slot(const std::byte* ring, std::size_t slot_bytes, std::uint64_t slot
   take(slot, at + sizeof(Slot));
   std::atomic_thread_fence(std::memory_order_acquire);
   return word(slot.sequence).load(std::memory_order_relaxed) == 2 * n;
+}
+
+/// Of a call that set errno.
+[[noreturn]] inline void fail(const std::filesystem::path& file, const char* what) {
+  throw std::system_error(errno, std::generic_category(), file.string() + ": " + what);
 }
 
 }  // namespace finsight::block

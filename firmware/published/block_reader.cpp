@@ -3,8 +3,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <system_error>
-
 #include "firmware/input_error.h"
 #include "firmware/published/block.h"
 #include "firmware/published/block_layout.h"
@@ -16,10 +14,6 @@ namespace {
 constexpr std::uint32_t kMostSide_px = 8192, kMostPoints = 100'000, kMostAbout = 16U << 20;
 /// How often a reader that was overtaken tries again: the writer would have to be as fast as a copy for more.
 constexpr int kTries = 4;
-
-[[noreturn]] void fail(const std::filesystem::path& file, const char* what) {
-  throw std::system_error(errno, std::generic_category(), file.string() + ": " + what);
-}
 
 void check(const std::string& file, const block::Header& header, std::uint64_t bytes) {
   if (std::memcmp(header.magic, block::kMagic, sizeof header.magic) != 0)
@@ -45,13 +39,13 @@ void check(const std::string& file, const block::Header& header, std::uint64_t b
 
 BlockReader::BlockReader(const std::filesystem::path& folder) : file_(folder / kBlockName) {
   const int descriptor = open(file_.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) fail(file_, "cannot be opened");
+  if (descriptor < 0) block::fail(file_, "cannot be opened");
   struct Closed {
     int number;
     ~Closed() { close(number); }
   } const closed{descriptor};
   struct stat found {};
-  if (fstat(descriptor, &found) != 0) fail(file_, "cannot be read");
+  if (fstat(descriptor, &found) != 0) block::fail(file_, "cannot be read");
   inode_ = found.st_ino;
   block::Header header{};
   if (read(descriptor, &header, sizeof header) != static_cast<ssize_t>(sizeof header)) {
@@ -60,7 +54,7 @@ BlockReader::BlockReader(const std::filesystem::path& folder) : file_(folder / k
   check(file_.string(), header, static_cast<std::uint64_t>(found.st_size));
   bytes_ = header.file_bytes;
   void* mapped = mmap(nullptr, bytes_, PROT_READ, MAP_SHARED, descriptor, 0);
-  if (mapped == MAP_FAILED) fail(file_, "cannot be mapped");
+  if (mapped == MAP_FAILED) block::fail(file_, "cannot be mapped");
   memory_ = static_cast<std::byte*>(mapped);
   contents_ = {static_cast<int>(header.shape_points), static_cast<int>(header.width_px),
                static_cast<int>(header.height_px),
@@ -119,10 +113,10 @@ bool BlockReader::picture(PublishedPicture& picture) {
 void watch_block(const std::filesystem::path& folder) {
   const std::filesystem::path file = folder / kWatchingName;
   const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0640);
-  if (descriptor < 0) fail(file, "cannot be created");
+  if (descriptor < 0) block::fail(file, "cannot be created");
   const int result = futimens(descriptor, nullptr);
   close(descriptor);
-  if (result != 0) fail(file, "cannot be touched");
+  if (result != 0) block::fail(file, "cannot be touched");
 }
 
 }  // namespace finsight

@@ -6,7 +6,6 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
-#include <system_error>
 #include <thread>
 
 #include "firmware/published/block.h"
@@ -15,10 +14,6 @@
 namespace finsight {
 
 namespace {
-
-[[noreturn]] void fail(const std::filesystem::path& file, const char* what) {
-  throw std::system_error(errno, std::generic_category(), file.string() + ": " + what);
-}
 
 /// Closes on the way out of the constructor, whichever way that is.
 struct Descriptor {
@@ -84,15 +79,15 @@ BlockWriter::BlockWriter(const std::filesystem::path& folder, const BlockContent
   const std::filesystem::path fresh = file_.string() + ".part";
   unlink(fresh.c_str());
   const Descriptor opened{open(fresh.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0640)};
-  if (opened.number < 0) fail(fresh, "cannot be created");
+  if (opened.number < 0) block::fail(fresh, "cannot be created");
   fchmod(opened.number, 0640);  // whatever the umask: the page's user is in the file's group
   // Room that is taken now cannot be missing later, when a write without room would end the program.
   if (const int error = posix_fallocate(opened.number, 0, static_cast<off_t>(bytes_))) {
     errno = error;
-    fail(fresh, "has no room");
+    block::fail(fresh, "has no room");
   }
   void* mapped = mmap(nullptr, bytes_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, opened.number, 0);
-  if (mapped == MAP_FAILED) fail(fresh, "cannot be mapped");
+  if (mapped == MAP_FAILED) block::fail(fresh, "cannot be mapped");
   memory_ = static_cast<std::byte*>(mapped);
   std::memcpy(memory_, &header, sizeof header);
   std::memcpy(memory_ + layout.about, contents.about.data(), contents.about.size());
@@ -100,7 +95,7 @@ BlockWriter::BlockWriter(const std::filesystem::path& folder, const BlockContent
     const int error = errno;
     munmap(memory_, bytes_);
     errno = error;
-    fail(file_, "cannot be replaced");
+    block::fail(file_, "cannot be replaced");
   }
   watcher_ = std::make_unique<Watcher>(folder / kWatchingName);
 }

@@ -24,11 +24,11 @@ constexpr float kShortestSide = 0.08F;  // of the perimeter: no side shorter tha
 constexpr int kFromBorder = 2;          // the corners' refinement needs pixels outside the square
 // A contour has as many points as its longer extents have pixels: for a square on its corner, this much of its length.
 constexpr float kPointsPerLength = 0.7F;
-constexpr int kModules = 6, kSamples = 4;  // along a side; along a module, its outer quarters left out
+constexpr int kSideModules = 6, kSamples = 4;  // along a side; along a module, its outer quarters left out
 // Contours run through the centres of the ink's outermost pixels, inside its edge: by this much in 48 pixels.
 constexpr double kFromContour = 48.0 / 47;
-constexpr double kMinContrast = 8;  // standard deviation, grey levels; less than that is no marker
-constexpr int kWhiteInBorder = 1;   // of 20 border modules, one may be dirty
+constexpr double kMinMarkerContrast = 8;  // standard deviation, grey levels; less than that is no marker
+constexpr int kWhiteInBorder = 1;         // of 20 border modules, one may be dirty
 // Of a marker with a reflection on it. With eleven modules left, two markers of the dictionary still differ, and the
 // marker is looked for where it must be.
 constexpr int kHiddenModules = 5, kHiddenInBorder = 10, kSaturated = 254;
@@ -57,14 +57,14 @@ std::vector<KnownCode> known_codes() {
     for (std::size_t first = 0; first < 4; ++first) {
       std::uint16_t code = 0;
       std::array<std::uint8_t, 36> turned{};
-      for (std::size_t row = 0; row < kModules; ++row) {
-        for (std::size_t column = 0; column < kModules; ++column) {
-          turned[row * kModules + column] = modules[column * kModules + kModules - 1 - row];
+      for (std::size_t row = 0; row < kSideModules; ++row) {
+        for (std::size_t column = 0; column < kSideModules; ++column) {
+          turned[row * kSideModules + column] = modules[column * kSideModules + kSideModules - 1 - row];
         }
       }
       for (std::size_t row = 1; row <= 4; ++row) {
         for (std::size_t column = 1; column <= 4; ++column) {
-          code = static_cast<std::uint16_t>(code << 1 | modules[row * kModules + column]);
+          code = static_cast<std::uint16_t>(code << 1 | modules[row * kSideModules + column]);
         }
       }
       codes.push_back({code, id, first});
@@ -119,13 +119,13 @@ std::optional<Square> square_of(const std::vector<cv::Point>& contour, const Sid
 /// corner. `spread`: by how much the square is larger than its corners say.
 void sample_modules(const cv::Mat& image, const Corners& corners, double spread, int margin,
                     std::span<std::uint8_t> samples) {
-  const cv::Point2f modules[] = {{0, 0}, {kModules, 0}, {kModules, kModules}, {0, kModules}};
+  const cv::Point2f modules[] = {{0, 0}, {kSideModules, 0}, {kSideModules, kSideModules}, {0, kSideModules}};
   const cv::Matx33d H = cv::getPerspectiveTransform(modules, corners.data());
-  const int side = (kModules + 2 * margin) * kSamples;
+  const int side = (kSideModules + 2 * margin) * kSamples;
   for (int i = 0; i < side * side; ++i) {
     const auto place = [spread, margin](int sample) {
       const double module = sample / kSamples - margin + 0.25 + (sample % kSamples + 0.5) / (2.0 * kSamples);
-      return 0.5 * kModules + spread * (module - 0.5 * kModules);
+      return 0.5 * kSideModules + spread * (module - 0.5 * kSideModules);
     };
     const cv::Vec3d at = H * cv::Vec3d(place(i % side), place(i / side), 1);
     const int x = std::clamp(cvRound(at[0] / at[2]), 0, image.cols - 1);
@@ -134,23 +134,25 @@ void sample_modules(const cv::Mat& image, const Corners& corners, double spread,
   }
 }
 
-bool is_border(int row, int column) { return row == 0 || row + 1 == kModules || column == 0 || column + 1 == kModules; }
+bool is_border(int row, int column) {
+  return row == 0 || row + 1 == kSideModules || column == 0 || column + 1 == kSideModules;
+}
 
 /// The code in a square, read from its first corner; nothing without contrast or a black border.
 std::optional<std::uint16_t> read_code(const cv::Mat& image, const Corners& corners, double spread) {
-  constexpr int kSide = kModules * kSamples;
+  constexpr int kSide = kSideModules * kSamples;
   std::array<std::uint8_t, kSide * kSide> samples;
   sample_modules(image, corners, spread, 0, samples);
   cv::Mat grey(kSide, kSide, CV_8UC1, samples.data());
   cv::Scalar mean, deviation;
   cv::meanStdDev(grey, mean, deviation);
-  if (deviation[0] < kMinContrast) return std::nullopt;
+  if (deviation[0] < kMinMarkerContrast) return std::nullopt;
   cv::threshold(grey, grey, 0, 1, cv::THRESH_BINARY | cv::THRESH_OTSU);
 
   std::uint16_t code = 0;
   int white_in_border = 0;
-  for (int row = 0; row < kModules; ++row) {
-    for (int column = 0; column < kModules; ++column) {
+  for (int row = 0; row < kSideModules; ++row) {
+    for (int column = 0; column < kSideModules; ++column) {
       const cv::Rect module(column * kSamples, row * kSamples, kSamples, kSamples);
       const bool white = 2 * cv::countNonZero(grey(module)) > kSamples * kSamples;
       if (is_border(row, column)) {
@@ -164,7 +166,7 @@ std::optional<std::uint16_t> read_code(const cv::Mat& image, const Corners& corn
 }
 
 /// The marker with its margin, module by module, as a reflection leaves it.
-constexpr int kWithMargin = kModules + 2;
+constexpr int kWithMargin = kSideModules + 2;
 struct Lit {
   std::array<bool, kWithMargin * kWithMargin> white{}, reflected{};
 };
@@ -191,8 +193,8 @@ Lit read_lit(const std::array<std::uint8_t, kWithMargin * kWithMargin * kSamples
 bool agrees(const Lit& lit, std::uint16_t wanted) {
   const auto at = [](int row, int column) { return static_cast<std::size_t>((row + 1) * kWithMargin + column + 1); };
   int hidden = 0, hidden_in_border = 0, white_in_border = 0;
-  for (int row = 0, bit = 15; row < kModules; ++row) {
-    for (int column = 0; column < kModules; ++column) {
+  for (int row = 0, bit = 15; row < kSideModules; ++row) {
+    for (int column = 0; column < kSideModules; ++column) {
       const bool is_white = lit.white[at(row, column)];
       const bool wants_white = !is_border(row, column) && (wanted >> bit & 1) != 0;
       const bool is_beside = lit.reflected[at(row - 1, column)] || lit.reflected[at(row + 1, column)] ||
@@ -222,7 +224,7 @@ bool shows_partly(const cv::Mat& image, const Corners& corners, std::uint16_t wa
   // several shares.
   for (const std::size_t share : {6U, 7U, 8U, 9U, 10U, 12U}) {
     const int paper = sorted[sorted.size() * share / 16];
-    if (paper - ink < 3 * kMinContrast) continue;
+    if (paper - ink < 3 * kMinMarkerContrast) continue;
     const double middle = 0.5 * (ink + paper), brighter = paper + kReflected * (paper - ink);
     if (agrees(read_lit(samples, middle, brighter), wanted)) return true;
   }

@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kSteps = 3;
+constexpr int kNewtonSteps = 3;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
 
@@ -43,7 +43,7 @@ RigidMotionFit RigidMotionFitter::fit(const PlateSight& sight, const ZeroPose& z
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   Vector3d t = Vector3d::Zero();
   double sum_sq = 0, corners = 0;
-  for (int step = 0; step <= kSteps; ++step) {  // the last one only measures
+  for (int step = 0; step <= kNewtonSteps; ++step) {  // the last one only measures
     Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
     Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
     sum_sq = corners = 0;
@@ -64,7 +64,7 @@ RigidMotionFit RigidMotionFitter::fit(const PlateSight& sight, const ZeroPose& z
         ++corners;
       }
     }
-    if (step == kSteps) break;
+    if (step == kNewtonSteps) break;
     const Eigen::Matrix<double, 6, 1> move = information.ldlt().solve(gradient);
     t -= move.head<3>();
     R = so3_exp(-move.tail<3>()) * R;

@@ -6,6 +6,7 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <iterator>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -16,7 +17,8 @@ namespace {
 
 using Lists = std::vector<std::vector<int>>;
 
-constexpr int kMinForDissection = 100;  // blocks; below, METIS has nothing to dissect
+constexpr int kLargestPart = 50;  // blocks; of 30, 50, 100, 200, 400 and 800 the best at 16,000 tetrahedra
+constexpr int kDissections = 8;   // orders tried, by METIS' seeds 1, 2, ...
 
 void check_neighbours(const Lists& neighbours) {
   const int n = static_cast<int>(neighbours.size());
@@ -47,25 +49,88 @@ std::vector<int> minimum_degree(const Lists& neighbours) {
   return {order.indices().data(), order.indices().data() + n};
 }
 
-// Nested dissection (METIS, multilevel): order[position] = block. Beats minimum degree from about 5,000 tetrahedra on.
-std::vector<int> nested_dissection(const Lists& neighbours) {
-  idx_t n = static_cast<idx_t>(neighbours.size());
-  std::vector<idx_t> start = {0}, adjacent;
-  for (const auto& list : neighbours) {
-    adjacent.insert(adjacent.end(), list.begin(), list.end());
-    start.push_back(static_cast<idx_t>(adjacent.size()));
+// Nested dissection: METIS cuts the graph by small separators until parts have at most kLargestPart blocks; a part is
+// ordered by minimum degree, a separator comes after what it separates. METIS_NodeND orders parts as if nothing
+// surrounded them; here the blocks around a part, which are eliminated later and by then are coupled with each other,
+// take part in its minimum degree. That saves 5 % of the factorisation's time at 16,000 tetrahedra.
+class Dissection {
+ public:
+  Dissection(const Lists& neighbours, int seed) : neighbours_(neighbours), local_(neighbours.size(), -1) {
+    METIS_SetDefaultOptions(options_);
+    options_[METIS_OPTION_SEED] = seed;
+    options_[METIS_OPTION_UFACTOR] = 200;  // parts may differ by a fifth where that makes the cut small
+    options_[METIS_OPTION_NSEPS] = 5;
+    std::vector<int> all(neighbours.size());
+    std::iota(all.begin(), all.end(), 0);
+    dissect(all);
   }
-  std::vector<idx_t> order(neighbours.size()), position(neighbours.size());
-  idx_t options[METIS_NOPTIONS];
-  METIS_SetDefaultOptions(options);
-  options[METIS_OPTION_SEED] = 1;
-  options[METIS_OPTION_UFACTOR] = 400;  // parts of unequal size are fine where that makes the cut small
-  options[METIS_OPTION_NSEPS] = 5;
-  if (METIS_NodeND(&n, start.data(), adjacent.data(), nullptr, options, order.data(), position.data()) != METIS_OK) {
-    throw std::runtime_error("plan_cholesky: METIS finds no order");
+
+  std::vector<int> take_order() { return std::move(order_); }  // order[position] = block
+
+ private:
+  void dissect(const std::vector<int>& blocks) {
+    if (static_cast<int>(blocks.size()) <= kLargestPart) return append_by_degree(blocks);
+    const std::vector<idx_t> side = cut(blocks);
+    std::vector<int> parts[3];  // two sides and the separator
+    for (std::size_t i = 0; i < blocks.size(); ++i) parts[side[i]].push_back(blocks[i]);
+    if (parts[0].empty() || parts[1].empty()) return append_by_degree(blocks);
+    dissect(parts[0]);
+    dissect(parts[1]);
+    order_.insert(order_.end(), parts[2].begin(), parts[2].end());
   }
-  return {order.begin(), order.end()};
-}
+
+  std::vector<idx_t> cut(const std::vector<int>& blocks) {
+    number(blocks);
+    std::vector<idx_t> start = {0}, adjacent;
+    for (const int block : blocks) {
+      for (const int other : neighbours_[block])
+        if (local_[other] >= 0) adjacent.push_back(local_[other]);
+      start.push_back(static_cast<idx_t>(adjacent.size()));
+    }
+    forget(blocks);
+    idx_t count = static_cast<idx_t>(blocks.size()), separator = 0;
+    std::vector<idx_t> side(blocks.size());
+    if (METIS_ComputeVertexSeparator(&count, start.data(), adjacent.data(), nullptr, options_, &separator,
+                                     side.data()) != METIS_OK) {
+      throw std::runtime_error("plan_cholesky: METIS finds no separator");
+    }
+    return side;
+  }
+
+  void append_by_degree(const std::vector<int>& blocks) {
+    const int inside = static_cast<int>(blocks.size());
+    std::vector<int> all = blocks;  // and then those around them
+    number(blocks);
+    for (const int block : blocks)
+      for (const int other : neighbours_[block])
+        if (local_[other] < 0) local_[other] = static_cast<int>(all.size()), all.push_back(other);
+    const int count = static_cast<int>(all.size());
+    Lists graph(count);
+    for (int i = 0; i < inside; ++i)
+      for (const int other : neighbours_[all[i]]) {
+        graph[i].push_back(local_[other]);
+        if (local_[other] >= inside) graph[local_[other]].push_back(i);
+      }
+    for (int i = inside; i < count; ++i)
+      for (int j = inside; j < count; ++j)
+        if (i != j) graph[i].push_back(j);
+    forget(all);
+    for (const int i : minimum_degree(graph))
+      if (i < inside) order_.push_back(all[i]);
+  }
+
+  void number(const std::vector<int>& blocks) {
+    for (std::size_t i = 0; i < blocks.size(); ++i) local_[blocks[i]] = static_cast<int>(i);
+  }
+  void forget(const std::vector<int>& blocks) {
+    for (const int block : blocks) local_[block] = -1;
+  }
+
+  const Lists& neighbours_;
+  std::vector<int> local_;  // of each block: its number in the subgraph at hand, or -1
+  std::vector<int> order_;
+  idx_t options_[METIS_NOPTIONS];
+};
 
 // The factor's pattern under an order, by columns = elimination positions.
 struct SymbolicFactor {
@@ -197,13 +262,32 @@ void gather_columns(std::vector<Supernode>& nodes, const std::vector<int>& seque
   }
 }
 
-double cost_of(const std::vector<Supernode>& nodes) {
-  double sum = 0;
+struct Elimination {
+  std::vector<int> order;  // order[position] = block
+  std::vector<Supernode> nodes;
+  double cost;
+};
+
+Elimination eliminate_in(std::vector<int> order, const Lists& neighbours) {
+  std::vector<Supernode> nodes = merge_columns(eliminate(neighbours, order));
+  double cost = 0;
   for (const Supernode& node : nodes) {
     if (node.columns.empty()) continue;
-    sum += front_cost(static_cast<double>(node.columns.size()), static_cast<double>(node.rows.size()));
+    cost += front_cost(static_cast<double>(node.columns.size()), static_cast<double>(node.rows.size()));
   }
-  return sum;
+  return {std::move(order), std::move(nodes), cost};
+}
+
+// The cheapest of the orders tried. What nested dissection costs depends on the seed by up to a tenth, and a plan is
+// made once for a model that is solved thousands of times.
+Elimination cheapest_elimination(const Lists& neighbours) {
+  Elimination best = eliminate_in(minimum_degree(neighbours), neighbours);
+  if (static_cast<int>(neighbours.size()) <= kLargestPart) return best;
+  for (int seed = 1; seed <= kDissections; ++seed) {
+    Elimination other = eliminate_in(Dissection(neighbours, seed).take_order(), neighbours);
+    if (other.cost < best.cost) best = std::move(other);
+  }
+  return best;
 }
 
 }  // namespace
@@ -214,16 +298,7 @@ CholeskyPlan CholeskyPlanData::view() const {
 
 CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours) {
   check_neighbours(neighbours);
-  std::vector<int> first_order = minimum_degree(neighbours);
-  std::vector<Supernode> nodes = merge_columns(eliminate(neighbours, first_order));
-  if (kMinForDissection <= static_cast<int>(neighbours.size())) {
-    std::vector<int> dissected = nested_dissection(neighbours);
-    std::vector<Supernode> dissected_nodes = merge_columns(eliminate(neighbours, dissected));
-    if (cost_of(dissected_nodes) < cost_of(nodes)) {
-      first_order = std::move(dissected);
-      nodes = std::move(dissected_nodes);
-    }
-  }
+  auto [first_order, nodes, cost] = cheapest_elimination(neighbours);
   const std::vector<int> sequence = postorder(nodes);
   gather_columns(nodes, sequence);
 

@@ -14,8 +14,8 @@ struct CholeskyPlanData {
   CholeskyPlan view() const;
 };
 
-/// `neighbours[i]`: the blocks coupled with block i, ascending, without i itself; symmetric. The cheaper of minimum
-/// degree (Eigen's AMD) and nested dissection (METIS), postordered, supernodes relaxed where merging pays.
+/// `neighbours[i]`: the blocks coupled with block i, ascending, without i itself; symmetric. The cheapest of minimum
+/// degree (Eigen's AMD) and several nested dissections (METIS), postordered, supernodes relaxed where merging pays.
 CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours);
 
 }  // namespace finsight::host

@@ -30,7 +30,7 @@ constexpr double kStill_mm = 2e-2;  // no node is further from where the steps l
 constexpr int kChoices = 3;         // how often convergence may end with other contacts than before
 constexpr double kMaxNoiseInflation = 100;  // of the first step: as if the noise were ten times itself
 constexpr double kSmallestJ = 0.05;         // volume ratio below which an element is as good as inverted
-constexpr int kHalvings = 6;
+constexpr int kStepHalvings = 6;
 
 double largest(const BodyVector& v) {
   double most = 0;
@@ -117,7 +117,7 @@ bool ContactForceSolver::Problem::chord(const ContactChoice& choice) {
   for (std::size_t i = 0; i < step.size(); ++i) step[i] -= force[i];
   std::fill_n(step.end() - 3, 3, 0.0);
   tangent.solve(step);
-  for (int halving = 0; halving <= kHalvings; ++halving) {
+  for (int halving = 0; halving <= kStepHalvings; ++halving) {
     BodyVector there = state.u;
     for (std::size_t i = 0; i < step.size(); ++i) there[i] += step[i];
     if (finger.body.forces(there, force) > kSmallestJ) {

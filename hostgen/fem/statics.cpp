@@ -15,7 +15,7 @@ constexpr double kLongestPush_mm = 20;
 // States of a path that the next one is extrapolated from: a polynomial of degree 5.
 constexpr std::size_t kHistory = 6;
 // A step that fails is halved, at most this often.
-constexpr int kHalvings = 7;
+constexpr int kLoadHalvings = 7;
 // Solves of one step with a load that turns with the face.
 constexpr int kMaxTurns = 4;
 // A finger whose compliance grows by this factor from one step to the next has jumped.
@@ -123,7 +123,7 @@ bool FingerStatics::Solver::step_to(double s, const LoadCurve& curve) {
 bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve) {
   double at = from, step = to - from;
   buckled = false;
-  const double shortest = std::abs(step) / (1 << kHalvings);
+  const double shortest = std::abs(step) / (1 << kLoadHalvings);
   while (at != to) {
     if (std::chrono::steady_clock::now() > deadline) return false;
     // A remainder shorter than half a step is merged into this one.

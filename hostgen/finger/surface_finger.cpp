@@ -14,8 +14,8 @@ namespace {
 using Eigen::AlignedBox3d;
 
 const std::map<std::string, double> kUnits_mm = {{"mm", 1}, {"cm", 10}, {"m", 1000}, {"inch", 25.4}};
-constexpr double kSmallestMm = 20, kLargestMm = 1000;  // of a finger's largest side
-constexpr double kUsualMm = 500;                       // the size that guessed units should give
+constexpr double kSmallestSideMm = 20, kLargestSideMm = 1000;  // of a finger's largest side
+constexpr double kUsualMm = 500;                               // the size that guessed units should give
 // Each becomes several tetrahedra, and the board solves for all of them in every frame.
 constexpr std::size_t kMaxTriangles = 20'000, kMaxTrianglesBefore = 500'000;  // before simplifying
 
@@ -29,13 +29,13 @@ void check_size(const TriangleSurface& surface, const SurfaceSource& source, std
   AlignedBox3d bounds;
   for (const Eigen::Vector3d& at : surface.point_mm) bounds.extend(at);
   const Eigen::Vector3d size = bounds.sizes();
-  if (size.maxCoeff() >= kSmallestMm && size.maxCoeff() <= kLargestMm) return;
+  if (size.maxCoeff() >= kSmallestSideMm && size.maxCoeff() <= kLargestSideMm) return;
   std::ostringstream found, guess;
   found << "a bounding box of " << size.x() << " x " << size.y() << " x " << size.z() << " mm in units of \""
         << source.units << "\"";
   for (const auto& [name, unit_mm] : kUnits_mm) {
     const double largest_mm = size.maxCoeff() / kUnits_mm.at(source.units) * unit_mm;
-    if (largest_mm < kSmallestMm || largest_mm > kUsualMm) continue;
+    if (largest_mm < kSmallestSideMm || largest_mm > kUsualMm) continue;
     guess << (guess.str().empty() ? "; are these " : " or ") << "\"" << name << "\" (" << largest_mm << " mm)";
   }
   throw InputError(

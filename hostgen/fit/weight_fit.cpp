@@ -28,7 +28,7 @@ constexpr double kHysteresis = 0.047;
 
 constexpr double kSettling_s = 0.5;  // after a weight was hung up, and before it is taken off
 constexpr double kShortestHold_s = 2;
-constexpr double kLongHold_s = 20;  // tells creep
+constexpr double kCreepHold_s = 20;  // tells creep
 constexpr double kWrongForce = 0.35, kWrongPlace_mm = 9;
 
 struct Series {
@@ -108,7 +108,7 @@ std::optional<Creep> creep_of(const std::vector<Series>& series, const std::vect
   std::vector<Series> longs;
   std::size_t readings = 0;
   for (std::size_t h = 0; h < holds.size(); ++h) {
-    if (holds[h].lasted_s < kLongHold_s) continue;
+    if (holds[h].lasted_s < kCreepHold_s) continue;
     Series means;
     double sum = 0, time = 0, from_s = 0;
     int count = 0;
@@ -267,7 +267,7 @@ void note_errors(const FitBasis& basis, WeightFit& fit) {
 
 void note_untold(const FitBasis& basis, const std::optional<Creep>& creep, WeightFit& fit) {
   if (!creep) {
-    fit.untold.push_back("creep: no weight hung for " + std::to_string(static_cast<int>(kLongHold_s)) +
+    fit.untold.push_back("creep: no weight hung for " + std::to_string(static_cast<int>(kCreepHold_s)) +
                          " seconds or longer, so that forces that last are " +
                          std::to_string(static_cast<int>(100 * kUnknownCreep)) + " % less sure");
   }

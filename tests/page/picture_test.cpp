@@ -43,7 +43,7 @@ TEST_CASE("picture: edges grow wider as the picture gets out of focus, and a pla
 }
 
 TEST_CASE("picture: it becomes a JPEG file") {
-  const std::string jpeg = jpeg_of(bars(1), 80);
+  const std::string jpeg = jpeg_of(bars(1));
   CHECK(jpeg.size() > 1000);
   CHECK(jpeg.substr(0, 3) == "\xFF\xD8\xFF");
   CHECK(jpeg.substr(jpeg.size() - 2) == "\xFF\xD9");
