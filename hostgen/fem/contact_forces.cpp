@@ -193,32 +193,49 @@ void ContactForceSolver::Problem::grow(const ContactChoice& choice, double times
   if (equilibrium.solve(target, grown)) state = std::move(grown);
 }
 
-// The measured motion in ever more parts, each from the equilibrium under the forces of the part before, grown as the
-// motion grows. It follows the finger as it was
-// pressed: where it turns far, one leap from a mixture of other states may lead nowhere.
+// Towards a share of the measured motion; from the equilibrium under the present forces, grown as the motion grows.
+// False: as before.
+bool ContactForceSolver::Problem::follow(const PlatePoses& measured, double from, double to, ContactChoice& choice,
+                                         VectorXd& aim, const ProcessorTime& time, ContactForces& result) {
+  PlatePoses part = measured;
+  for (PlateMotion& plate : part.plates) {
+    plate.displacement_mm *= static_cast<float>(to);
+    plate.rotation_rad *= static_cast<float>(to);
+  }
+  errors.set_measured(part);
+  ElasticState before = state;
+  ContactChoice chosen = choice;
+  if (from > 0) grow(choice, to / from);
+  result.curve.push_back({time.seconds(), 0.5 * errors.at(state.u).squaredNorm()});
+  if (iterate(choice, aim, time, result)) return true;
+  state = std::move(before);
+  choice = std::move(chosen);
+  return false;
+}
+
+// The measured motion in parts, each smaller where the one before was too large. It follows the finger as it was
+// pressed: where it turns far, one leap from a mixture of other states may lead nowhere. With smaller parts it may go
+// another way from the start on.
 bool ContactForceSolver::Problem::approach(const PlatePoses& measured, ContactChoice& choice, VectorXd& aim,
                                            const ProcessorTime& time, ContactForces& result) {
-  bool arrived = false;
-  for (const int parts : {4, 12, 36}) {
+  double reached = 0;
+  for (const double most : {1.0 / 4, 1.0 / 12}) {
     state = finger.rest;
     choice = {};
-    arrived = true;
-    for (int k = 1; k <= parts && arrived; ++k) {
-      PlatePoses part = measured;
-      const float share = static_cast<float>(k) / static_cast<float>(parts);
-      for (PlateMotion& plate : part.plates) {
-        plate.displacement_mm *= share;
-        plate.rotation_rad *= share;
+    reached = 0;
+    for (double by = most; reached < 1 && by > most / 10;) {
+      const double to = reached + by > 1 - 1e-9 ? 1 : reached + by;
+      if (follow(measured, reached, to, choice, aim, time, result)) {
+        reached = to;
+        by = std::min(most, 2 * by);
+      } else {
+        by /= 2;
       }
-      errors.set_measured(part);
-      result.curve.push_back({time.seconds(), 0.5 * errors.at(state.u).squaredNorm()});
-      arrived = iterate(choice, aim, time, result);
-      if (arrived && k < parts) grow(choice, (k + 1.0) / k);
     }
-    if (arrived) break;
+    if (reached == 1) break;
   }
   errors.set_measured(measured);
-  return arrived;
+  return reached == 1;
 }
 
 ContactForceSolver::ContactForceSolver(const FingerSpec& spec, const TetMesh& mesh, int candidates, int starts)

@@ -42,6 +42,8 @@ struct ContactForceSolver::Problem {
   Eigen::VectorXd goal() const;
   bool chord(const ContactChoice& choice);
   void grow(const ContactChoice& choice, double times);
+  bool follow(const PlatePoses& measured, double from, double to, ContactChoice& choice, Eigen::VectorXd& aim,
+              const ProcessorTime& time, ContactForces& result);
   bool approach(const PlatePoses& measured, ContactChoice& choice, Eigen::VectorXd& aim, const ProcessorTime& time,
                 ContactForces& result);
   bool iterate(ContactChoice& choice, Eigen::VectorXd& aim, const ProcessorTime& time, ContactForces& result);
