@@ -68,6 +68,10 @@ BlockContents contents_of(const Settings& settings, const Model& model, const Su
                           {"mount_is_measured", settings.mount.has_value()},
                           {"marker_size_mm", mount.marker_size_mm},
                           {"source", name_of(settings.source)},
+                          {"modbus",
+                           {{"address", settings.modbus.address},
+                            {"port", settings.modbus.port},
+                            {"unit", settings.unit}}},
                           {"surface", {{"rest_mm", rest_mm}, {"triangles", surface.triangles}, {"front", front}}}};
   BlockContents contents{.shape_points = static_cast<int>(surface.nodes.size()), .about = {}};
   if (images) {
