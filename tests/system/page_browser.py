@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -352,6 +353,15 @@ class Page(unittest.TestCase):
         self.assertNotIn("Nothing touches the finger", text)
         browser.open(device, "setup/camera")
         self.said(browser, "main", "The top and low markers are swapped")
+
+    def test_markers_of_a_board_are_called_misplaced_and_nothing_is_called_covered_or_dark(self):
+        subprocess.run([BINARIES / "tests" / "board_session", WORK / "board"], check=True)
+        device, browser = self.device(WORK / "board"), self.browser()
+        for page, selector in (("live", ".why"), ("setup/camera", "main")):
+            browser.open(device, page)
+            text = self.said(browser, selector, "Markers are seen, but none where it can be")
+            self.assertNotIn("No marker is seen", text)
+            self.assertNotIn("Something covers", text)
 
     def test_a_lens_out_of_focus_is_named_and_no_marker_is_called_covered(self):
         device, browser = self.device(WORK / "defocused"), self.browser()

@@ -30,7 +30,7 @@ export function mountStep() {
   function show() {
     if (!now.result || now.is_running) { result.replaceChildren(); return; }
     const {parts, rms_px: rms, pictures} = now.result;
-    const vector = (v, s) => v.map((x, k) => `${"xyz"[k]} ${x.toFixed(2)} ± ${s[k].toFixed(2)}`).join(", ");
+    const vector = (v, s) => h("td", {class: "number"}, v.map((x, k) => h("div", {}, `${"xyz"[k]} ${x.toFixed(2)} ± ${s[k].toFixed(2)}`)));
     result.replaceChildren(card(t.result, [h("a", {class: "button", href: "/api/mount/file", download: "mount.toml"}, t.download),
         now.can_store && h("button", {class: "main", onclick: () => use("/api/mount/use", t.used)}, t.use)],
       table(t.result, [t.part, t.shift, t.turn], parts.map((p) => [h("td", {}, t.parts[p.name]), vector(p.shift_mm, p.shift_sigma_mm),
