@@ -68,10 +68,6 @@ BlockContents contents_of(const Settings& settings, const Model& model, const Su
                           {"mount_is_measured", settings.mount.has_value()},
                           {"marker_size_mm", mount.marker_size_mm},
                           {"source", name_of(settings.source)},
-                          {"modbus",
-                           {{"address", settings.modbus.address},
-                            {"port", settings.modbus.port},
-                            {"unit", settings.unit}}},
                           {"surface", {{"rest_mm", rest_mm}, {"triangles", surface.triangles}, {"front", front}}}};
   BlockContents contents{.shape_points = static_cast<int>(surface.nodes.size()), .about = {}};
   if (images) {
@@ -84,6 +80,7 @@ BlockContents contents_of(const Settings& settings, const Model& model, const Su
     about["lens"] = lens;
     about["markers"] = markers_at_rest(mount, images->lens);
   }
+  about["modbus"] = {{"address", settings.modbus.address}, {"port", settings.modbus.port}, {"unit", settings.unit}};
   about["mount"] = measured_mount_toml(poses_of(mount));
   if (loop.fit) about["fit"] = measured_fit_toml(*loop.fit);
   contents.about = about.dump();
