@@ -80,6 +80,7 @@ BlockContents contents_of(const Settings& settings, const Model& model, const Su
     about["lens"] = lens;
     about["markers"] = markers_at_rest(mount, images->lens);
   }
+  about["modbus"] = {{"address", settings.modbus.address}, {"port", settings.modbus.port}, {"unit", settings.unit}};
   about["mount"] = measured_mount_toml(poses_of(mount));
   if (loop.fit) about["fit"] = measured_fit_toml(*loop.fit);
   contents.about = about.dump();

@@ -5,9 +5,12 @@ usage: page_browser.py BINARY_DIR SOURCE_DIR [unittest arguments]
 Screenshots are written to BINARY_DIR/page-screenshots. The check of accessibility needs FINSIGHT_NODE_MODULES, a node_modules
 folder that has axe-core. Exits with 77 where there is no chromium.
 """
+import http.client
 import json
 import os
 import shutil
+import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -16,6 +19,7 @@ from pathlib import Path
 
 from end_to_end import BINARIES, WORK, prepare  # and scripts/lib is in the path from here on
 from page_device import KEY, Device, render
+from pymodbus.client import ModbusTcpClient
 from register_block import Reader
 
 try:
@@ -32,6 +36,7 @@ PAGES = ("live", "setup/network", "setup/camera", "setup/lens", "setup/mount", "
 SHOTS = BINARIES / "page-screenshots"
 REST, COVERED = WORK / "rest", WORK / "covered"
 FAULTY = {"swapped": 9, "defocused": 9, "knocked": 18}  # events of hostgen render, and seconds in all
+RATE = ".tile:last-child .value span"  # of the live page: it has a value while something is measured
 PATIENCE_S = 60  # on a busy machine a browser without a graphics card takes its time
 
 
@@ -211,15 +216,152 @@ class Page(unittest.TestCase):
         """The text of the element once it holds these words; collected by the page itself, as they may stand only for a second."""
         return browser.wait(lambda d: (t := browser.text(selector)) and words in t and t, words)
 
+    def test_a_hung_page_is_told_within_seconds_and_comes_back(self):
+        device, browser = self.device(REST), self.browser()
+        browser.open(device, "live")
+        browser.wait(lambda d: browser.text(RATE) != "–", "a frame rate")
+        device.page.send_signal(signal.SIGSTOP)
+        try:
+            stopped = time.monotonic()
+            self.said(browser, ".pill", "No connection")
+            self.assertLess(time.monotonic() - stopped, 6)
+            self.assertIn("Check the cable", browser.text(".why"))
+            self.assertEqual(browser.driver.find_element(By.CSS_SELECTOR, ".view canvas").value_of_css_property("opacity"), "0.3")
+            self.assertEqual({tile.text for tile in browser.driver.find_elements(By.CSS_SELECTOR, ".tile .value span:first-child")}, {"–"})
+        finally:
+            device.page.send_signal(signal.SIGCONT)
+        browser.wait(lambda d: browser.text(".pill") != "No connection" and browser.text(RATE) != "–", "the frame rate again")
+
+    def test_a_stopped_measuring_program_is_told_on_every_page_and_ticks_nothing(self):
+        device, browser = self.device(REST), self.browser()
+        device.firmware.terminate()
+        device.firmware.wait(20)
+        for page in ("setup/network", "setup/camera", "setup/lens", "setup/mount", "setup/zero", "setup/check", "live", "diagnostics"):
+            browser.open(device, page)
+            self.said(browser, "main", "The measuring program does not answer")
+            self.assertEqual(browser.text().count("does not answer"), 1, page)
+            self.assertEqual(browser.text(".pill"), "No answer")
+            self.assertEqual(browser.driver.find_elements(By.CSS_SELECTOR, ".checks .ok, .checks .no"), [], page)
+            for words in ("the picture is dark", "No fault since", "Running for\n0 s", "0 of 255"):
+                self.assertNotIn(words, browser.text())
+        for page, untrue in (("setup/weights", "Nothing touches the finger"), ("recordings", "Idle")):
+            browser.open(device, page)
+            self.said(browser, "main", "Not known now")
+            self.assertNotIn(untrue, browser.text())
+
+    def test_one_browser_too_many_is_told_so(self):
+        device, browser = self.device(REST), self.browser()
+        watching = []
+        while not watching or watching[-1][1].status == 200:
+            connection = http.client.HTTPConnection("127.0.0.1", device.page_port, timeout=20)
+            connection.request("GET", "/api/events")
+            watching.append((connection, connection.getresponse()))
+        browser.open(device, "live")
+        self.assertNotIn("cable", self.said(browser, ".why", "Too many"))
+        for connection, answer in watching:
+            answer.close()
+            connection.close()
+        browser.wait(lambda d: "Too many" not in browser.text(".why") and browser.text(RATE) != "–", "a place")
+
+    def test_a_mount_is_measured_again_after_an_outage_and_the_old_result_is_gone(self):
+        device, browser = self.device(REST), self.browser()
+        browser.open(device, "setup/mount")
+        browser.click("Measure")
+        browser.unlock()
+        self.said(browser, "main", "corners fit to")
+        device.page.kill()
+        device.page.wait()
+        browser.click("Measure")
+        self.said(browser, "#toasts", "The device does not answer.")
+        self.assertNotIn("corners fit to", browser.text())
+        device.page.stderr.close()
+        device.start_page()
+        browser.click("Measure")
+        browser.unlock()
+        self.said(browser, "main", "Measuring …")
+        self.said(browser, "main", "corners fit to")
+
+    def test_a_setting_that_another_client_changes_is_shown_where_someone_stands_on_it(self):
+        device, browser = self.device(REST), self.browser()
+        browser.open(device, "settings")
+        field = browser.driver.find_element(By.ID, "s-hold_time")
+        browser.wait(lambda d: field.get_property("value") == "200", "the hold time")
+        browser.driver.execute_script("arguments[0].focus()", field)
+        self.assertEqual(device.post("/api/settings", {"hold_time": 777}, device.unlock())[0], 200)
+        browser.wait(lambda d: field.get_property("value") == "777", "the new one")
+        self.assertIn("No changes", browser.text())
+
+    def test_the_network_step_names_what_a_plc_needs(self):
+        device, browser = self.device(REST), self.browser()
+        browser.open(device, "setup/network")
+        self.said(browser, "main", f"127.0.0.1, port {device.port}")
+        self.assertIn(device.get("/api/state")[1]["serial_number"] or "–", browser.text())
+
+    def test_every_raw_cell_is_what_modbus_reads(self):
+        device, browser = self.device(REST), self.browser()
+        client = ModbusTcpClient("127.0.0.1", port=device.port)
+        cells = ("return [...document.querySelectorAll('.registers tbody tr')].filter((r) => r.cells[4].textContent !== '…')"
+                 ".map((r) => [Number(r.cells[0].textContent), r.cells[2].textContent, r.cells[4].textContent])")
+
+        def read(rows):
+            found = {}
+            for address, name, raw in rows:
+                answer = client.read_holding_registers(address, max(1, len(raw.split())), slave=1)
+                found[name] = " ".join(f"{word:04x}" for word in answer.registers)
+            return found
+
+        def differ():
+            """Of registers that have not changed while the page was looked at."""
+            before = read(browser.driver.execute_script(cells))
+            time.sleep(1.2)
+            rows = browser.driver.execute_script(cells)
+            after = read(rows)
+            return {name: (raw, after[name]) for _, name, raw in rows if before[name] == after[name] and raw != after[name]}
+
+        browser.open(device, "registers")
+        browser.wait(lambda d: all(raw for _, _, raw in d.execute_script(cells)), "words in every raw cell")
+        self.assertGreater(len(browser.driver.execute_script(cells)), 200)
+        wrong = differ()
+        for _ in range(4):  # what has changed to and fro is wrong once only
+            again = differ()
+            wrong = {name: pair for name, pair in again.items() if name in wrong}
+        self.assertEqual(wrong, {})
+        client.close()
+
+    def test_a_narrow_phone_shows_all_seven_pages_in_its_bar(self):
+        device, browser = self.device(REST), self.browser(width=360, height=740, phone=True)
+        browser.open(device, "live")
+        places = browser.driver.execute_script("return [...document.querySelectorAll('#nav a')].map((a) => "
+                                               "[a.textContent, a.getBoundingClientRect().toJSON(), a.scrollWidth - a.clientWidth])")
+        self.assertEqual(len(places), 7)
+        for name, place, cut in places:
+            self.assertTrue(place["left"] >= 0 and place["right"] <= 360 and place["bottom"] <= 740 and cut <= 0, (name, place, cut))
+        wide = browser.driver.execute_script("document.querySelector('.pill').textContent = 'No connection'; "
+                                             "document.querySelector('#top button span').textContent = 'Unlocked · 29 s'; "
+                                             "return document.documentElement.scrollWidth - window.innerWidth")
+        self.assertLessEqual(wide, 0, "the widest words of the header")
+        SHOTS.mkdir(exist_ok=True)
+        browser.driver.save_screenshot(str(SHOTS / "live-narrow.png"))
+
     def test_swapped_markers_are_named_and_where_to_mend_them(self):
         device, browser = self.device(WORK / "swapped"), self.browser()
         browser.open(device, "live")
         text = self.said(browser, ".why", "The top and low markers are swapped")
         self.assertIn("Swap the stickers", text)
         self.assertNotIn("Something covers", text)
+        self.assertNotIn("No marker is seen", text)
         self.assertNotIn("Nothing touches the finger", text)
         browser.open(device, "setup/camera")
         self.said(browser, "main", "The top and low markers are swapped")
+
+    def test_markers_of_a_board_are_called_misplaced_and_nothing_is_called_covered_or_dark(self):
+        subprocess.run([BINARIES / "tests" / "board_session", WORK / "board"], check=True)
+        device, browser = self.device(WORK / "board"), self.browser()
+        for page, selector in (("live", ".why"), ("setup/camera", "main")):
+            browser.open(device, page)
+            text = self.said(browser, selector, "Markers are seen, but none where it can be")
+            self.assertNotIn("No marker is seen", text)
+            self.assertNotIn("Something covers", text)
 
     def test_a_lens_out_of_focus_is_named_and_no_marker_is_called_covered(self):
         device, browser = self.device(WORK / "defocused"), self.browser()
@@ -239,7 +381,13 @@ class Page(unittest.TestCase):
         browser.open(device, "live")
         while device.order("zero", device.unlock()) != "done" or device.get("/api/state")[1]["largest_displacement"] > 0.5:
             pass  # in the part in which it is already knocked
-        text = self.said(browser, ".why", "The camera has moved against the finger")
+
+        def told(driver):
+            level, words = driver.execute_script("return ['.pill', '.why'].map((s) => document.querySelector(s)).map((e) => e.className + e.textContent)")
+            self.assertFalse("good" in level and "cannot be located" in words, level + words)
+            return "The camera has moved against the finger" in words
+        browser.wait(told, "that it was knocked")
+        text = browser.text(".why")
         self.assertIn("measure the mount", text)
 
     def test_an_update_is_sent_and_its_outcome_told(self):
@@ -265,6 +413,7 @@ class Page(unittest.TestCase):
         workstation = self.device(REST)
         browser.open(workstation, "updates")
         self.said(browser, "main", "There are no updates here")
+        self.assertNotIn("USB stick", browser.text())
 
     def test_a_file_of_another_device_is_imported_and_one_of_another_pack_is_refused(self):
         device, browser = self.device(REST), self.browser()

@@ -1,5 +1,5 @@
 // The frame around the pages: header, navigation, and which page is on show.
-import {begin, device, get, listen, lock, askForKey, unlockedFor} from "./device.js";
+import {begin, device, get, isLive, listen, lock, askForKey, unlockedFor} from "./device.js";
 import {text} from "./text.js";
 import {h, icon, setText} from "./dom.js";
 import {summary} from "./why.js";
@@ -19,7 +19,7 @@ const pill = h("span", {class: "pill", role: "status"}), who = h("div", {class: 
 const chooser = h("nav", {class: "fingers", "aria-label": text.fingers});
 const lockText = h("span");
 const lockButton = h("button", {onclick: () => (unlockedFor() ? lock() : askForKey().catch(() => {}))}, icon("lock"), lockText);
-top.append(h("div", {class: "brand"}, h("img", {src: "/icon.svg", alt: ""}), text.brand), chooser, who, h("span", {class: "gap"}), pill, lockButton);
+top.append(h("div", {class: "brand"}, h("img", {src: "/icon.svg", alt: ""}), h("span", {}, text.brand)), chooser, who, h("span", {class: "gap"}), pill, lockButton);
 const links = Object.keys(pages).map((name) => h("a", {href: `#${name}`}, icon(name), text.pages[name]));
 nav.append(...links);
 
@@ -42,6 +42,7 @@ function showHeader() {
   const [level, word] = summary();
   pill.className = `pill ${level}`;
   setText(pill, word);
+  document.body.classList.toggle("old", !isLive());
   const r = device.registers;
   setText(who, [device.about?.finger, text.serial(r.value("serial_number"))].filter(Boolean).join(" · "));
   const seconds = unlockedFor();
@@ -64,7 +65,7 @@ window.addEventListener("hashchange", () => showFingers().catch(() => {}));
 show();
 window.addEventListener("hashchange", show);
 listen((what) => {
-  if (what !== "frame") showHeader();
+  showHeader();
   current?.update(what);
 });
 setInterval(showHeader, 1000);

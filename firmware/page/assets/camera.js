@@ -1,6 +1,6 @@
 // The camera's picture with the markers drawn in. It asks for the next picture only when it has shown the last one, so a
 // slow connection slows itself down.
-import {device, frameOf, isLive} from "./device.js";
+import {askSoon, device, frameOf, isLive} from "./device.js";
 import {text} from "./text.js";
 import {h, poll} from "./dom.js";
 
@@ -23,21 +23,24 @@ export class CameraView {
   }
   stop() { this.stopped = true; }
   async next() {
-    if (!device.online || document.hidden) throw new Error("not now");
-    const response = await fetch("/frame.jpg");
+    if (device.link !== "up" || document.hidden) throw new Error("not now");
+    const response = await askSoon("/frame.jpg");
     if (!response.ok) {
       this.note.textContent = isLive() && !device.frame.has_image ? text.live.poses_only : text.live.waiting_picture;
       this.note.hidden = false;
       throw new Error("no picture");
     }
     const number = (name) => Number(response.headers.get(name));
-    device.picture = {edge: number("X-Finsight-Edge-Px"), mean: number("X-Finsight-Mean"), white: number("X-Finsight-White"),
-                      at: performance.now()};
+    // The last picture stays there when no new ones come.
+    if (number("X-Finsight-Frame") !== device.picture.number) {
+      device.picture = {number: number("X-Finsight-Frame"), edge: number("X-Finsight-Edge-Px"), mean: number("X-Finsight-Mean"),
+                        white: number("X-Finsight-White"), at: performance.now()};
+    }
     const bitmap = await createImageBitmap(await response.blob());
     if (this.stopped) return;
     this.bitmap?.close?.();
     this.bitmap = bitmap;
-    this.number = number("X-Finsight-Frame");
+    this.number = device.picture.number;
     this.note.hidden = true;
     this.draw();
     this.onpicture?.();

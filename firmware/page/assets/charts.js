@@ -1,5 +1,5 @@
 // Strip charts of the last minute. The history is kept for all of them, also while no chart is on show.
-import {device, listen} from "./device.js";
+import {device, isLive, listen} from "./device.js";
 import {text} from "./text.js";
 import {h, save, saveCsv} from "./dom.js";
 
@@ -49,7 +49,7 @@ export class Charts {
     const points = this.shown();
     const end = points.length ? points.at(-1).t : 0;
     this.charts.forEach((chart, i) => {
-      const last = points.length ? points.at(-1).values[i] : null;
+      const last = points.length && (isLive() || this.paused) ? points.at(-1).values[i] : null;
       const shown = last === null ? text.invalid : last.toFixed(chart.digits);
       if (chart.value.textContent !== shown) chart.value.textContent = shown;
       this.drawOne(chart, points.map((p) => [p.t - end + span_s, p.values[i]]));

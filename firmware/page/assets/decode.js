@@ -44,6 +44,8 @@ export class Registers {
     return Number.isFinite(view.getFloat32(0)) ? view.getFloat32(0) : null;
   }
   has(name, bit) { return (this.value(name) || []).includes(bit); }
+  /** The same, or null where it is not known. */
+  known(name, bit) { return this.value(name)?.includes(bit) ?? null; }
   /** As people read it, with its unit. */
   shown(row) {
     const value = this.value(row);

@@ -4,9 +4,10 @@ import {text} from "./text.js";
 import {h, toast} from "./dom.js";
 
 export const device = {
-  online: false, frame: null, registers: null, about: null, error: "", blockError: "",
-  picture: {edge: 0, mean: 0, white: 0, at: 0},
-  hiddenSince: [0, 0, 0], log: [], lastFrameAt: 0,
+  link: "connecting",  // or "up", "lost", "crowded"
+  frame: null, registers: null, about: null, error: "", blockError: "", refusal: "",
+  picture: {number: -1, edge: 0, mean: 0, white: 0, at: -Infinity},
+  hiddenSince: [0, 0, 0], foundAt: -Infinity, log: [], lastFrameAt: 0,
 };
 const listeners = new Set();
 /** Called with "frame", "registers", "state" or "about"; the return value ends it. */
@@ -19,15 +20,25 @@ const tell = (what) => { for (const callback of [...listeners]) callback(what); 
 async function answerOf(response) {
   const type = response.headers.get("Content-Type") || "";
   const body = type.startsWith("application/json") ? await response.json() : null;
-  if (!response.ok) throw Object.assign(new Error(body?.error || `The device answered ${response.status}.`), {status: response.status});
+  if (!response.ok) throw Object.assign(new Error(body?.error || text.answered(response.status)), {status: response.status});
   return body;
 }
-export const get = async (path) => answerOf(await fetch(path));
+/** fetch(), which throws in the page's words where there is no answer. */
+async function ask(path, options = {}) {
+  try {
+    return await fetch(path, options);
+  } catch {
+    throw new Error(text.no_answer);
+  }
+}
+/** For an answer within some seconds: a request over a pulled cable would otherwise wait for minutes. */
+export const askSoon = (path, seconds = 5) => ask(path, {signal: AbortSignal.timeout(1000 * seconds)});
+export const get = async (path) => answerOf(await askSoon(path, 30));
 
 let token = "", until = 0;
 export const unlockedFor = () => Math.max(0, Math.ceil((until - Date.now()) / 1000));
 async function send(path, body) {
-  const answer = await answerOf(await fetch(path, {
+  const answer = await answerOf(await ask(path, {
     method: "POST", headers: {"Content-Type": "application/json", "X-Finsight-Token": token}, body: JSON.stringify(body)}));
   until = Date.now() + 30000;
   return answer;
@@ -58,16 +69,16 @@ export async function upload(path, file, progress) {
       let answer = null;
       try { answer = JSON.parse(request.responseText); } catch { /* told by its status */ }
       if (request.status === 200) resolve(answer);
-      else reject(new Error(answer?.error || `The device answered ${request.status}.`));
+      else reject(new Error(answer?.error || text.answered(request.status)));
     };
     request.send(file);
   });
 }
-/** post(), told in a toast; true if it was done. */
+/** post(), told in a toast; true if it was done. The device may have something to add. */
 export async function change(path, body, done) {
   try {
-    await post(path, body);
-    if (done) toast(done);
+    const words = (await post(path, body))?.note || done;
+    if (words) toast(words);
     return true;
   } catch (error) {
     if (error) toast(error.message, "bad");
@@ -153,6 +164,7 @@ function take(frame) {
     if (frame.seen[p]) device.hiddenSince[p] = 0;
     else device.hiddenSince[p] ||= performance.now();
   }
+  if (frame.corners.some(Boolean)) device.foundAt = performance.now();
   noteFault();
   if (frame.n < number || !device.about) loadAbout();  // the program was started again
   number = frame.n;
@@ -180,32 +192,80 @@ async function loadAbout() {
 }
 
 /** Whether the frame on show is from this moment. */
-export const isLive = () => device.online && device.frame && performance.now() - device.lastFrameAt < 1500;
+export const isLive = () => device.link === "up" && device.frame && performance.now() - device.lastFrameAt < 1500;
+/** Whether the picture's sharpness and brightness are from this moment. */
+export const hasPicture = () => device.link === "up" && performance.now() - device.picture.at < 3000;
+/** Whether the registers are from this moment; otherwise none of them has a value. */
+export const isKnown = () => Boolean(device.registers?.words.measurements);
 
-let source = null;
+// The device says something twice a second, and every 1.5 s where the measuring program hangs. Silence is counted in looks
+// that this page has taken, not in time: a browser that was busy for two seconds has events waiting for it.
+const lookEvery_ms = 500, quietLooks = 5, looksBetweenTries = 10;
+let source = null, quiet = 0;
+
+function setLink(link) {
+  if (device.link === link) return;
+  const was = device.link;
+  device.link = link;
+  if (link === "up") { note("connected"); loadAbout(); }
+  else {
+    if (was === "up") note("connection lost");
+    device.registers.words = {};
+    device.picture.at = -Infinity;
+  }
+  tell("state");
+}
+function look() {
+  if (document.hidden) return;
+  ++quiet;
+  if (quiet === quietLooks && device.link !== "crowded") setLink("lost");
+  if (quiet === looksBetweenTries) connect();  // a stream over a dead link never ends by itself
+}
+
+/** The device has said something. */
+function hear(what) {
+  quiet = 0;
+  setLink("up");
+  tell(what);
+}
+function takeRegisters(words) {
+  device.error = words.error;
+  device.blockError = words.block_error;
+  const measurements = isLive() ? device.registers.words.measurements : words.measurements;
+  if (words.error) {
+    device.registers.words = isLive() ? {measurements} : {};
+  } else {
+    for (const block of ["control", "process", "history", "gathered", "diagnostics"]) device.registers.set(block, words[block]);
+    device.registers.set("measurements", measurements);
+    noteFault();
+  }
+}
+
 function connect() {
+  quiet = 0;
   source?.close();
-  source = new EventSource("/api/events");
-  source.addEventListener("frame", (event) => { take(JSON.parse(event.data)); tell("frame"); });
-  source.addEventListener("registers", (event) => {
-    const words = JSON.parse(event.data);
-    device.error = words.error;
-    device.blockError = words.block_error;
-    if (!words.error) {
-      for (const block of ["control", "history", "gathered", "diagnostics"]) device.registers.set(block, words[block]);
-      device.registers.set("process", words.process);
-      if (!isLive()) { device.registers.set("measurements", words.measurements); noteFault(); }
-    }
-    if (!device.online) { device.online = true; tell("state"); }
-    tell("registers");
-  });
-  source.onopen = () => { device.online = true; note("connected"); loadAbout(); tell("state"); };
-  source.onerror = () => {
-    if (device.online) note("connection lost");
-    device.online = false;
-    tell("state");
-    if (source.readyState === EventSource.CLOSED) setTimeout(connect, 2000);
+  const stream = source = new EventSource("/api/events");
+  stream.addEventListener("frame", (event) => { take(JSON.parse(event.data)); hear("frame"); });
+  stream.addEventListener("registers", (event) => { takeRegisters(JSON.parse(event.data)); hear("registers"); });
+  stream.onerror = async () => {
+    // One that is not closed tries again by itself.
+    const link = stream.readyState === EventSource.CLOSED ? await whyRefused() : device.link === "crowded" ? "lost" : device.link;
+    if (stream === source) setLink(link);
   };
+}
+/** An EventSource does not tell why it was refused; a request of one's own does. */
+async function whyRefused() {
+  const request = new AbortController();
+  try {
+    const response = await fetch("/api/events", {signal: request.signal});
+    if (response.status !== 503) return "lost";
+    device.refusal = (await response.json()).error;
+    return "crowded";
+  } catch {
+    return "lost";
+  } finally {
+    request.abort();
+  }
 }
 
 export async function begin() {
@@ -218,9 +278,10 @@ export async function begin() {
     }
   }
   connect();
+  setInterval(look, lookEvery_ms);
   // A page that nobody sees asks for nothing.
   document.addEventListener("visibilitychange", () => {
-    if (document.hidden) { source?.close(); device.online = false; }
+    if (document.hidden) { source?.close(); setLink("connecting"); }
     else connect();
   });
 }

@@ -1,5 +1,5 @@
 // What went wrong, and how the device is doing.
-import {device, get, order} from "./device.js";
+import {askSoon, device, get, isKnown, isLive, order} from "./device.js";
 import {words} from "./decode.js";
 import {text} from "./text.js";
 import {card, h, setText} from "./dom.js";
@@ -17,9 +17,10 @@ export function diagnosticsPage() {
   const identity = facts(t.names, (key) => {
     if (key === "source") return device.about?.source ?? "–";
     if (key === "mount") return device.about ? (device.about.mount_is_measured ? t.mount_measured : t.mount_nominal) : "–";
-    if (key === "uptime") return text.seconds(r.value("uptime") ?? 0);
+    if (!isKnown()) return text.invalid;
+    if (key === "uptime") return text.seconds(r.value("uptime"));
     if (key === "calibration_date") {
-      const d = String(r.value(key) ?? 0);
+      const d = String(r.value(key));
       return d === "0" ? "–" : `${d.slice(0, 4)}-${d.slice(4, 6)}-${d.slice(6)}`;
     }
     return r.shown(r.byName.get(key));
@@ -27,21 +28,20 @@ export function diagnosticsPage() {
   let faultKey = "", logKey = "";
   function update(what) {
     why.update();
-    if (what !== "registers" && what !== "first") return;
+    if (what === "frame") return;
     identity.update();
     const uptime = r.value("uptime") ?? 0;
     const list = [1, 2, 3, 4, 5, 6, 7, 8].map((n) => ["code", "began", "lasted"].map((f) => r.value(`fault_${n}_${f}`))).filter((f) => f[0] && f[0] !== "none");
-    const key = JSON.stringify([list, Math.floor(uptime / 10)]);
+    const key = JSON.stringify([isKnown(), list, Math.floor(uptime / 10)]);
     if (key !== faultKey) {
       faultKey = key;
       faults.replaceChildren(...(list.length ? list.map(([code, began, lasted]) => h("tr", {}, h("td", {}, (text.why.faults[code] || [words(String(code))])[0]),
         h("td", {class: "number"}, t.ago(text.seconds(uptime - began))), h("td", {class: "number"}, lasted === null ? t.stands : text.seconds(lasted))))
-        : [h("tr", {}, h("td", {class: "soft", colSpan: 3}, t.no_faults))]));
+        : [h("tr", {}, h("td", {class: "soft", colSpan: 3}, isKnown() ? t.no_faults : text.unknown))]));
     }
-    if (device.frame) {
-      times.replaceChildren(...["poses", "shape", "touch", "registers", "frame"].map((stage) => [stage, device.frame.times[stage]]).map(([stage, us]) => h("tr", {}, h("td", {}, stage),
-        us.map((v) => h("td", {class: "number"}, `${(v / 1000).toFixed(2)} ms`)))));
-    }
+    const stages = isLive() ? ["poses", "shape", "touch", "registers", "frame"] : [];
+    times.replaceChildren(...stages.map((stage) => h("tr", {}, h("td", {}, stage),
+      device.frame.times[stage].map((us) => h("td", {class: "number"}, `${(us / 1000).toFixed(2)} ms`)))));
     if (logKey !== String(device.log.length) + device.log[0]?.at) {
       logKey = String(device.log.length) + device.log[0]?.at;
       own.replaceChildren(device.log.length ? h("pre", {tabIndex: 0}, device.log.map((l) => `${l.at.toLocaleTimeString()}  ${l.line}`).join("\n")) : h("span", {class: "soft"}, t.log_none));
@@ -66,7 +66,7 @@ export function diagnosticsPage() {
         return h("figure", {}, h("img", {src: `/api/pictures/${p.id}.jpg`, alt: caption}), h("figcaption", {}, caption));
       }) : [h("span", {class: "soft"}, t.no_pictures)]));
     }
-    const lines = await (await fetch("/api/log")).text();
+    const lines = await (await askSoon("/api/log")).text();
     if (lines === said) return;
     said = lines;
     log.replaceChildren(lines ? h("pre", {tabIndex: 0}, lines.trimEnd().split("\n").slice(-100).reverse().join("\n")) : h("span", {class: "soft"}, t.log_none));
@@ -77,7 +77,7 @@ export function diagnosticsPage() {
       await new Promise((r) => setTimeout(r, 3000));
     }
   }
-  update("first");
+  update();
   watch();
   return {element, update, leave() { stopped = true; }};
 }

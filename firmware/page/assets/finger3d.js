@@ -1,6 +1,6 @@
 // The finger in 3-D, in plain WebGL: its surface coloured by displacement, the touch with its 68 % region on the face, and
 // the contact force as an arrow. Finger frame: x across, y up from the base, z into the finger from its face; mm.
-import {device, isLive} from "./device.js";
+import {askSoon, device, isLive} from "./device.js";
 import {text} from "./text.js";
 import {h, poll} from "./dom.js";
 
@@ -130,9 +130,9 @@ export class FingerView {
   }
 
   async next() {
-    if (!device.online || document.hidden) throw new Error("not now");
+    if (device.link !== "up" || document.hidden) throw new Error("not now");
     if (this.about !== device.about) this.takeMesh();
-    const response = await fetch("/shape.bin");
+    const response = await askSoon("/shape.bin");
     if (!response.ok) throw new Error("no shape");
     const moved = new DataView(await response.arrayBuffer());
     if (!this.rest || moved.byteLength !== 2 * this.rest.length || this.stopped) return;

@@ -32,12 +32,14 @@ export function livePage() {
   const pause = h("button", {onclick: () => { charts.pause(!charts.paused); setText(pause, charts.paused ? t.resume : t.pause); }},
                   charts.paused ? t.resume : t.pause);
 
+  const axes = ["x", "y", "z"];
   const fixed = (name, digits) => device.registers.value(name)?.toFixed(digits) ?? null;
   function showTiles() {
     const uncertainty = fixed("force_uncertainty", 2), radius = fixed("touch_uncertainty", 1);
     tiles.force.show(fixed("force", 2), uncertainty === null ? "" : t.uncertainty(uncertainty, "N"));
-    const point = ["touch_x", "touch_y", "touch_z"].map((name) => fixed(name, 1));
-    tiles.touch.show(point.includes(null) ? null : point.join("  ").replaceAll("-", "−"), radius === null ? "" : t.within(radius));
+    const point = axes.map((axis) => fixed(`touch_${axis}`, 1));
+    tiles.touch.show(point.includes(null) ? null : axes.map((axis, k) => `${axis} ${point[k].replace("-", "−")}`).join("  "),
+                     radius === null ? "" : t.within(radius));
     tiles.level.show(fixed("deformation_level", 0), t.of_rated);
     tiles.latency.show(fixed("latency", 1), t.exposure_to);
     const wanted = device.about?.frames_per_second;

@@ -9,7 +9,7 @@ export function recordingsPage() {
   const start = h("button", {class: "main", onclick: () => order("record").then(list)}, t.start);
   const stop = h("button", {onclick: () => order("stop").then(list)}, t.stop);
   const body = h("div");
-  let was = "";
+  let was;
 
   async function list() {
     let answer;
@@ -26,12 +26,12 @@ export function recordingsPage() {
       h("th", {scope: "col"}, t.when), h("th", {scope: "col"}, t.complete), h("th", {scope: "col"}, h("span", {hidden: true}, t.download)))), h("tbody", {}, rows))));
   }
   function update() {
-    const now = device.registers.value("recording") ?? "idle";
+    const now = device.registers.value("recording");
     state.className = `pill ${now === "recording" ? "bad" : now === "failed" ? "warn" : ""}`;
-    setText(state, now === "recording" ? `${t.state.recording} · ${device.registers.value("recording_s")} s` : t.state[now] ?? now);
+    setText(state, now === "recording" ? `${t.state.recording} · ${device.registers.value("recording_s")} s` : t.state[now] ?? now ?? text.unknown);
     const mb = device.registers.value("recording_mb_left");
     setText(left, mb === null ? "" : t.left(mb));
-    start.disabled = now === "recording";
+    start.disabled = now === null || now === "recording";
     stop.disabled = now !== "recording";
     if (now !== was) { was = now; list(); }
   }

@@ -44,8 +44,8 @@ export function registersPage() {
       if (r.value.textContent !== value) {
         if (r.value.textContent && r.row.name !== "heartbeat") r.changed = now;
         setText(r.value, value);
-        setText(r.raw, hex(r.row));
       }
+      setText(r.raw, hex(r.row));  // changes also where the rounded value does not
       const is = r.changed && now - r.changed < stays;
       if (r.element.classList.contains("changed") !== Boolean(is)) r.element.classList.toggle("changed", is);
     }

@@ -35,8 +35,7 @@ export function settingsPage() {
       update() {
         const value = now();
         if (value === null || value === known || dirty) return;
-        known = value;
-        if (document.activeElement !== input) input.value = value;
+        known = input.value = value;
       },
     };
   });

@@ -1,14 +1,14 @@
 // From the box to a sensor that measures, step by step.
-import {device, isLive, listen, order} from "./device.js";
+import {device, hasPicture, isKnown, isLive, order} from "./device.js";
 import {text} from "./text.js";
 import {card, h, icon, setText} from "./dom.js";
 import {CameraView} from "./camera.js";
-import {WhyList, pictureReasons, softEdge} from "./why.js";
+import {WhyList, nothingKnown, pictureReasons, softEdge} from "./why.js";
 import {lensStep} from "./setup_lens.js";
 import {mountStep} from "./setup_mount.js";
 import {weightsStep} from "./setup_weights.js";
 
-/** A list of things that hold or do not. */
+/** A list of things that hold, do not, or (null) are not known now. */
 export function checks(count) {
   const items = Array.from({length: count}, () => {
     const mark = h("span", {class: "mark"}), words = h("span");
@@ -16,8 +16,8 @@ export function checks(count) {
   });
   return {element: h("ul", {class: "checks"}, items.map((i) => i.element)), show(states) {
     states.forEach(([good, words], i) => {
-      items[i].element.className = good ? "ok" : "no";
-      setText(items[i].mark, good ? "✓" : "✗");
+      items[i].element.className = good === null ? "" : good ? "ok" : "no";
+      setText(items[i].mark, good === null ? "?" : good ? "✓" : "✗");
       setText(items[i].words, words);
     });
   }};
@@ -34,11 +34,19 @@ function meter(name) {
 }
 
 function networkStep() {
-  const t = text.setup.network, rows = h("dl", {class: "facts"});
-  const facts = [[t.page, location.origin], [text.diagnostics.names.serial_number, device.registers.value("serial_number") || "–"],
-                 [t.modbus, location.hostname], [t.unit, t.unit_text]];
-  rows.append(...facts.flatMap(([name, value]) => [h("dt", {}, name), h("dd", {}, value)]));
-  return {element: card(t.title, null, h("div", {class: "body"}, h("p", {}, t.text), rows, h("p"), h("p", {class: "soft"}, t.change)))};
+  const t = text.setup.network, serial = h("dd"), modbus = h("dd"), unit = h("dd"), why = new WhyList(nothingKnown);
+  const facts = [[t.page, h("dd", {}, location.origin)], [text.diagnostics.names.serial_number, serial], [t.modbus, modbus], [t.unit, unit],
+                 [t.registers, h("dd", {}, t.registers_text)]];
+  return {element: card(t.title, null, h("div", {class: "body"}, why.element, h("p", {}, t.text),
+                          h("dl", {class: "facts"}, facts.flatMap(([name, dd]) => [h("dt", {}, name), dd])), h("p"), h("p", {class: "soft"}, t.change))),
+          update() {
+            why.update();
+            setText(serial, device.registers.value("serial_number") || text.invalid);
+            const place = device.about?.modbus;
+            setText(unit, place ? String(place.unit) : text.invalid);
+            setText(modbus, !place ? text.invalid : place.address.startsWith("127.") ? t.only_here(place.address, place.port)
+              : t.at(place.address === "0.0.0.0" ? location.hostname : place.address, place.port));
+          }};
 }
 
 function cameraStep() {
@@ -46,21 +54,22 @@ function cameraStep() {
   const sharp = meter(t.sharp), bright = meter(t.bright), list = checks(6), why = new WhyList(pictureReasons);
   const camera = new CameraView({places: true, onpicture: update});
   function update() {
-    const p = device.picture, soft = softEdge();
+    const p = device.picture, soft = softEdge(), isSeen = hasPicture();
     why.update();
-    if (performance.now() - p.at > 3000) return;
-    const sharpEnough = p.edge > 0 && p.edge <= soft;
-    sharp.show(p.edge > 0 ? 1.6 / p.edge : 0, sharpEnough ? "" : p.edge > 2 * soft ? "bad" : "warn", p.edge ? t.edge(p.edge.toFixed(1)) : "–");
+    const edge = isSeen && p.edge > 0 ? p.edge : null;  // 0: there are too few edges to tell
+    const sharpEnough = edge === null ? null : edge <= soft;
+    sharp.show(edge ? 1.6 / edge : 0, sharpEnough ? "" : edge > 2 * soft ? "bad" : "warn", edge ? t.edge(edge.toFixed(1)) : text.invalid);
     const dark = p.mean < 25, white = p.white > 0.1;
-    bright.show(p.mean / 255, dark || white ? "warn" : "", t.level(p.mean.toFixed(0)));
-    const frame = isLive() ? device.frame : null, markers = device.about?.markers;
+    bright.show(isSeen ? p.mean / 255 : 0, dark || white ? "warn" : "", isSeen ? t.level(p.mean.toFixed(0)) : text.invalid);
+    const frame = isLive() && device.frame.has_image ? device.frame : null, markers = device.about?.markers;
+    if (!frame || !markers) { list.show([...text.plates.map((plate) => [null, t.marker(plate)]), [null, t.place], [null, t.focus], [null, t.light]]); return; }
     const mean = (corners, k) => corners.reduce((s, c) => s + c[k], 0) / 4;
-    const placed = Boolean(frame && markers) && frame.corners.every((corners, i) => corners &&
+    const placed = frame.corners.every((corners, i) => corners &&
       Math.hypot(mean(corners, 0) - mean(markers[i].rest_px, 0), mean(corners, 1) - mean(markers[i].rest_px, 1)) <
       Math.hypot(markers[i].rest_px[0][0] - markers[i].rest_px[1][0], markers[i].rest_px[0][1] - markers[i].rest_px[1][1]));
-    list.show([...[0, 1, 2].map((i) => [Boolean(frame?.seen[i]), (frame?.seen[i] ? t.seen : t.not_seen)(text.plates[i])]),
-      [placed, placed ? t.placed : t.not_placed], [sharpEnough, sharpEnough ? t.focus_ok : t.focus_bad],
-      [!dark && !white, dark ? t.dark : white ? t.white : t.light_ok]]);
+    list.show([...[0, 1, 2].map((i) => [Boolean(frame.seen[i]), (frame.seen[i] ? t.seen : t.not_seen)(text.plates[i])]),
+      [placed, placed ? t.placed : t.not_placed], [sharpEnough, sharpEnough === null ? t.focus : sharpEnough ? t.focus_ok : t.focus_bad],
+      isSeen ? [!dark && !white, dark ? t.dark : white ? t.white : t.light_ok] : [null, t.light]]);
   }
   update();
   return {element: h("div", {class: "two"}, card(t.title, null, camera.element, h("footer", {}, t.text)),
@@ -77,8 +86,9 @@ function zeroStep() {
           leave: () => camera.stop(),
           update() {
             why.update();
-            const zeroed = device.registers.has("status", "zeroed"), rms = device.registers.value("rms_displacement");
-            list.show([[zeroed, zeroed ? t.done : t.not_done], [rms !== null && rms < 0.5, `${t.values}: ${rms === null ? "–" : rms.toFixed(2)} mm`]]);
+            const zeroed = device.registers.known("status", "zeroed"), rms = device.registers.value("rms_displacement");
+            list.show([[zeroed, zeroed === null ? text.unknown : zeroed ? t.done : t.not_done],
+              [rms === null ? null : rms < 0.5, `${t.values}: ${rms === null ? text.invalid : rms.toFixed(2)} mm`]]);
           }};
 }
 
@@ -88,10 +98,11 @@ function checkStep() {
                         h("div", {class: "body"}, h("p", {}, t.text), list.element, h("p"), why.element)),
           update() {
             why.update();
-            const r = device.registers, has = (bit) => r.has("status", bit), wanted = device.about?.frames_per_second;
-            list.show([[["top", "middle", "low"].every((p) => has(`${p}_plate_seen`)), t.markers], [has("zeroed"), t.zeroed],
+            const r = device.registers, has = (bit) => r.has("status", bit), wanted = device.about?.frames_per_second, rate = r.value("frame_rate");
+            const states = [[["top", "middle", "low"].every((p) => has(`${p}_plate_seen`)), t.markers], [has("zeroed"), t.zeroed],
               [r.value("fault") === "none", t.fault], [!has("settings_unsaved"), t.saved],
-              [!wanted || (r.value("frame_rate") ?? 0) > 0.95 * wanted, `${t.rate}: ${r.value("frame_rate")?.toFixed(1) ?? "–"} / ${wanted?.toFixed(1) ?? "–"}`]]);
+              [rate === null || !wanted ? null : rate > 0.95 * wanted, `${t.rate}: ${rate?.toFixed(1) ?? text.invalid} / ${wanted?.toFixed(1) ?? text.invalid}`]];
+            list.show(isKnown() ? states : states.map(([, words]) => [null, words]));
           }};
 }
 

@@ -3,6 +3,7 @@ import {device, change, get} from "./device.js";
 import {text} from "./text.js";
 import {card, h, notice, setText, toast} from "./dom.js";
 import {CameraView} from "./camera.js";
+import {WhyList, nothingKnown} from "./why.js";
 
 const enough = 3;  // pictures in each ninth, and for each tilt
 const names = ["fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"];
@@ -15,7 +16,7 @@ export function lensStep() {
   const tilts = t.tilts.map(() => h("span", {class: "pill plain"}));
   const views = h("tbody"), result = h("div"), advice = h("ul", {class: "soft"});
   const still = h("input", {type: "checkbox", id: "still"});
-  let now = {views: []}, stopped = false, busy = false;
+  let now = {views: [], coverage: [], tilted: []}, stopped = false, busy = false;
 
   async function act(path, body = {}, done = "") {
     busy = true;
@@ -31,7 +32,7 @@ export function lensStep() {
     return good;
   }
   const capture = h("button", {class: "main", onclick: () => act("/api/lens/capture")}, t.capture);
-  const need = h("small");
+  const need = h("small"), how = h("footer"), why = new WhyList(nothingKnown);
 
   function show() {
     now.coverage.forEach((n, i) => { setText(ninths[i], String(n)); ninths[i].className = n >= enough ? "enough" : n ? "some" : ""; });
@@ -42,8 +43,10 @@ export function lensStep() {
       : [h("tr", {}, h("td", {class: "soft"}, t.none_yet))]));
     const used = now.views.filter((v) => !v.rejected).length;
     capture.disabled = busy;
+    setText(how, now.least_views ? t.text(now.least_views) : "");
     setText(need, used < now.least_views ? t.need(now.least_views - used) : now.error || "");
-    advice.replaceChildren(...(now.advice || []).map((line) => h("li", {}, line)));
+    const lines = now.result && !now.advice.length ? [t.enough] : now.advice || [];
+    advice.replaceChildren(...lines.map((line) => h("li", {}, line)));
     showResult();
   }
   function showResult() {
@@ -59,7 +62,10 @@ export function lensStep() {
     try {
       now = await get("/api/lens");
       if (!stopped) show();
-    } catch (error) { toast(error.message, "bad"); }
+    } catch (error) {
+      now.is_busy = false;
+      toast(error.message, "bad");
+    }
   }
   // The device keeps a picture only if the board is held still and shows something new.
   async function watch() {
@@ -71,16 +77,17 @@ export function lensStep() {
   refresh();
   watch();
   const inUse = h("div", {class: "body"});
-  const showLens = () => {
+  const update = () => {
+    why.update();
     const lens = device.about?.lens;
     setText(inUse, lens ? names.slice(0, 4).map((n) => `${n} ${lens[n].toFixed(1)}`).join(" · ") : t.none);
   };
   return {element: h("div", {}, h("div", {class: "two"},
-      card(t.title, [h("label", {class: "row", htmlFor: "still"}, still, t.auto), capture], camera.element, h("footer", {}, t.text)),
-      h("div", {}, card(t.now, [h("button", {onclick: () => act("/api/lens/restore", {}, t.restored)}, t.restore)], inUse),
+      card(t.title, [h("label", {class: "row", htmlFor: "still"}, still, t.auto), capture], camera.element, how),
+      h("div", {}, why.element, card(t.now, [h("button", {onclick: () => act("/api/lens/restore", {}, t.restored)}, t.restore)], inUse),
         card(t.covered, [h("a", {class: "button", href: "/api/lens/board.svg", download: "board.svg"}, t.board)],
           h("div", {class: "body row"}, h("div", {class: "cover", role: "img", "aria-label": t.covered}, ninths), h("div", {}, h("h3", {}, t.tilt), h("div", {class: "row"}, tilts))),
           h("div", {class: "body"}, advice)))),
     card(t.views, [need, h("button", {onclick: () => act("/api/lens/clear")}, t.clear)], h("table", {}, views)), result),
-    update: showLens, leave() { stopped = true; camera.stop(); }};
+    update, leave() { stopped = true; camera.stop(); }};
 }

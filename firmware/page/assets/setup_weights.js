@@ -1,5 +1,5 @@
 // Known weights: readings against them, recordings for a fit, and what fit and certificate say.
-import {change, device, get, listen, order} from "./device.js";
+import {change, device, get, isKnown, listen, order} from "./device.js";
 import {text} from "./text.js";
 import {card, fileButton, h, saveCsv, setText, table, toast} from "./dom.js";
 
@@ -75,13 +75,14 @@ export function weightsStep() {
 
   function update() {
     const r = device.registers, weight = kNewtonPerGram * mass.value, force = r.value("force");
-    setText(now, force === null ? t.not_touched : t.now(force.toFixed(2), r.value("force_uncertainty")?.toFixed(2) ?? "–", weight.toFixed(2)));
+    setText(now, !isKnown() ? text.unknown : force === null ? t.not_touched : t.now(force.toFixed(2), r.value("force_uncertainty")?.toFixed(2) ?? "–", weight.toFixed(2)));
     const isRecording = r.value("recording") === "recording";
-    start.disabled = isRecording;
+    start.disabled = isRecording || !isKnown();
     stop.disabled = !isRecording;
     const fitted = r.value("fitted_on"), verified = r.value("verified_on");
-    const rows = [[t.fitted, fitted ? day(fitted) : t.never], [t.scale, `${r.value("force_scale")?.toFixed(3) ?? "–"} ± ${r.value("force_scale_uncertainty")?.toFixed(3) ?? "–"}`],
-      [t.verified, verified ? `${day(verified)}: ${r.value("verdict")}` : t.never],
+    const dayOf = (d) => (d ? day(d) : d === 0 ? t.never : text.invalid);
+    const rows = [[t.fitted, dayOf(fitted)], [t.scale, `${r.value("force_scale")?.toFixed(3) ?? "–"} ± ${r.value("force_scale_uncertainty")?.toFixed(3) ?? "–"}`],
+      [t.verified, verified ? `${day(verified)}: ${r.value("verdict")}` : dayOf(verified)],
       [t.expanded, verified ? `${r.value("force_expanded_uncertainty")?.toFixed(2)} N, ${r.value("touch_expanded_uncertainty")?.toFixed(2)} mm` : "–"]];
     const words = rows.flat().join("|");
     if (facts.dataset.shown === words) return;

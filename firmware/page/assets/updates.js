@@ -11,6 +11,8 @@ export function updatesPage() {
   const chooser = h("input", {type: "file", id: "update-file", accept: ".update", "aria-label": t.choose});
   const send = h("button", {class: "main", onclick: sendFile}, t.send);
   const network = h("div", {class: "body"});
+  const stick = card(t.how, null, h("div", {class: "body"}, h("ol", {}, t.text.map((line) => h("li", {}, line)))));
+  stick.hidden = true;
   let stopped = false, sending = false, shown = "";
 
   async function sendFile() {
@@ -35,6 +37,7 @@ export function updatesPage() {
     const key = JSON.stringify(state);
     if (key === shown) return;
     shown = key;
+    stick.hidden = !state.available;
     network.replaceChildren(...(state.available
       ? [h("p", {}, t.network), h("p", {class: "soft"}, t.room(text.bytes(state.room_bytes))), h("div", {class: "row"}, chooser, send, bar, said)]
       : [notice("info", t.none)]));
@@ -58,6 +61,5 @@ export function updatesPage() {
   update();
   watch();
   return {element: h("div", {}, h("h1", {}, t.title), outcome, card(t.now, null, h("div", {class: "body"}, version, h("div", {class: "soft"}, pack))),
-    card(t.over_network, null, network),
-    card(t.how, null, h("div", {class: "body"}, h("ol", {}, t.text.map((line) => h("li", {}, line)))))), update, leave() { stopped = true; }};
+    card(t.over_network, null, network), stick), update, leave() { stopped = true; }};
 }

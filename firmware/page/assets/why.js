@@ -1,5 +1,5 @@
 // Why there is no valid value, in words, and what to do about it. The most serious first.
-import {device, isLive, order} from "./device.js";
+import {device, hasPicture, isLive, order} from "./device.js";
 import {text} from "./text.js";
 import {h, notice} from "./dom.js";
 
@@ -46,25 +46,38 @@ function markerProblems(frame) {
  */
 export const softEdge = () => Math.max(3.5, (device.about?.lens?.width_px ?? 0) / 220);
 
+/** Why nothing at all is known, if so. */
+export function nothingKnown() {
+  if (device.link === "connecting") return [{level: "info", say: text.why.connecting}];
+  if (device.link === "crowded") return [{level: "bad", say: text.why.crowded(device.refusal)}];
+  if (device.link === "lost") return [{level: "bad", say: text.why.no_page}];
+  if (!device.error) return [];
+  const act = location.hash === "#diagnostics" ? null : [text.pages.diagnostics, () => (location.hash = "#diagnostics")];
+  return [{level: "bad", say: text.why.no_device(device.error), act}];
+}
+
 export function reasons() {
-  if (!device.online) return [{level: "bad", say: text.why.no_page}];
-  if (device.error) return [{level: "bad", say: text.why.no_device(device.error)}];
+  const nothing = nothingKnown();
+  if (nothing.length) return nothing;
   const registers = device.registers;
   const found = [];
   const fault = registers.value("fault");
   if (fault && fault !== "none") {
-    found.push({level: "bad", picture: fault in text.why.faults && pictureFault.test(fault), say: text.why.faults[fault] || [fault.replaceAll("_", " "), ""]});
+    // Of another finger, a calibration board, or of this one where the camera looks elsewhere: the light is on, and nothing covers them.
+    const areElsewhere = fault === "markers_lost" && isLive() && performance.now() - device.foundAt < 1000 * shown;
+    const say = areElsewhere ? text.why.markers_elsewhere : text.why.faults[fault] || [fault.replaceAll("_", " "), ""];
+    found.push({level: "bad", picture: fault in text.why.faults && pictureFault.test(fault), say});
   }
   const has = (bit) => registers.has("status", bit);
   if (isLive()) {
     const edge = device.picture.edge;
-    const soft = performance.now() - device.picture.at < 3000 && edge > softEdge();
+    const soft = hasPicture() && edge > softEdge();
     // A picture in which nothing can be found hides markers, too: nothing covers them.
     const blind = soft || pictureFault.test(fault ?? "");
     found.push(...markerProblems(device.frame).filter((f) => !(blind && f.hidden)).map((f) => ({...f, picture: true})));
     if (soft && fault !== "image_out_of_focus") found.push({level: "warn", picture: true, say: text.why.unsharp(edge.toFixed(1))});
   } else if (device.blockError && !(fault && fault !== "none")) {
-    found.push({level: "warn", say: text.why.no_block(device.blockError)});
+    found.push({level: "warn", picture: true, say: text.why.no_block(device.blockError)});
   }
   if (has("over_range")) found.push({level: "warn", say: text.why.over_range});
   if (has("unexplained")) found.push({level: "warn", say: text.why.unexplained});
@@ -76,22 +89,24 @@ export function reasons() {
   if (!found.some((f) => f.level !== "info")) {
     if (has("touch_valid")) found.unshift({level: "good", say: [text.why.all_good_touch, ""]});
     else if (!has("shape_valid")) found.unshift({level: "warn", say: text.why.no_shape});
-    else if (registers.value("largest_displacement") > 3) found.unshift({level: "info", say: text.why.not_located});
+    else if (registers.value("largest_displacement") > 3) found.unshift({level: "warn", say: text.why.not_located});
     else found.unshift({level: "good", say: text.why.rest});
   }
   return found;
 }
 
 /** Of reasons(): what can be seen in the picture, for the step that aims the camera. */
-export const pictureReasons = () => reasons().filter((r) => r.picture);
+export const pictureReasons = () => [...nothingKnown(), ...reasons().filter((r) => r.picture)];
 
-/** One word for the header. */
+/** One word for the header; it is green only where there is nothing else to say. */
 export function summary() {
+  if (device.link === "connecting") return ["warn", text.status.waiting];
+  if (device.link !== "up") return ["bad", text.status.lost];
+  if (device.error) return ["bad", text.status.no_answer];
   const all = reasons();
-  if (!device.online) return ["bad", text.status.lost];
-  if (!device.registers?.raw({block: "measurements", address: 0, type: "uint16"})) return ["warn", text.status.waiting];
   if (all.some((r) => r.level === "bad")) return ["bad", text.status.fault];
   if (all.some((r) => r.level === "warn")) return ["warn", text.status.warning];
+  if (all.some((r) => r.level === "info")) return ["info", text.status.note];
   return ["good", device.registers.has("status", "touch_valid") ? text.status.touch : text.status.measuring];
 }
 
