@@ -234,9 +234,7 @@ std::string lens_text(const Lens& lens) {
 }
 
 Lens read_lens_text(const std::string& text, const std::string& name, int width_px, int height_px) {
-  const Lens lens = read_lens(TomlTable::parse_text(text, name), width_px, height_px);
-  check_lens(lens);
-  return lens;
+  return read_lens(TomlTable::parse_text(text, name), width_px, height_px);
 }
 
 Coverage coverage_of(const LensCalibration& calibration, std::vector<BoardView>& views) {

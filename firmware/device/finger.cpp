@@ -71,7 +71,7 @@ Sensor::Sensor(const Settings& settings, bool takes_import)
       loop_settings(loop_settings_of(settings, model, images)),
       loop(model, images ? std::optional(images->lens) : std::nullopt, loop_settings),
       source(open_source(settings, images)),
-      basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount))},
+      basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount)), model.touch.threshold_mm},
       saved((takes_import ? take_imported(settings, basis) : void(), saved_state_of(settings, &basis))) {
   if (!saved.problem.empty()) loop.set_lasting_fault(FaultCode::kSavedSettings);
 }

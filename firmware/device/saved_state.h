@@ -8,33 +8,11 @@
 #include <string>
 #include <thread>
 
-#include "firmware/loop/zero.h"
-#include "firmware/modbus/registers.h"
-#include "firmware/settings/measured_mount.h"
+#include "firmware/settings/state_text.h"
 
 namespace finsight {
 
-struct SavedState {
-  RuntimeSettings settings;
-  std::optional<ZeroPose> zero;
-  std::optional<Vec3f> zero_g =
-      std::nullopt;  ///< acceleration of things that fell when the zero was measured, if known
-};
-
-/// What a zero was measured with. It is meaningless for another finger, and once camera or markers sit elsewhere.
-struct ZeroBasis {
-  std::uint32_t model_checksum = 0;
-  MeasuredMount mount;
-};
-
-struct LoadedState {
-  SavedState state;
-  std::string problem;  ///< what was not used, and why; empty: nothing
-};
-
-/// Nothing if there is no such file. Throws InputError for a file that is not complete or not valid. A zero of another
-/// basis is left out, and so is one of a version 1 file, which does not say its basis; the settings are used all the
-/// same. Without `basis` (there is no model) any zero is left out, and that is no problem.
+/// Nothing if there is no such file. Throws InputError like read_state().
 std::optional<LoadedState> load_state(const std::filesystem::path& file, const ZeroBasis* basis);
 
 /// What to start with: what was saved, or the factory settings if `file` is empty, does not exist or cannot be used.

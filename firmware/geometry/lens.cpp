@@ -1,6 +1,7 @@
 #include "firmware/geometry/lens.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -26,9 +27,18 @@ Lens in_single_precision(const Lens& lens) {
 void check_lens(const Lens& lens) {
   require(lens.width_px >= 16 && lens.width_px <= 8192, "width_px", lens.width_px, "16 ... 8192");
   require(lens.height_px >= 16 && lens.height_px <= 8192, "height_px", lens.height_px, "16 ... 8192");
+  check_lens_numbers(lens);
+}
+
+void check_lens_numbers(const Lens& lens) {
   // Comparisons with a NaN are false, so these also refuse what is not a number.
-  require(lens.fx > 0 && lens.fx < 1e5, "fx", lens.fx, "a positive number of pixels");
-  require(lens.fy > 0 && lens.fy < 1e5, "fy", lens.fy, "a positive number of pixels");
+  const double side_px = std::max(lens.width_px, lens.height_px);
+  const auto is_plausible = [&](double focal_px) {
+    return focal_px >= kShortestFocal * side_px && focal_px <= kLongestFocal * side_px;
+  };
+  constexpr const char* kFocal = "0.1 to 20 times the image's longer side, in pixels";
+  require(is_plausible(lens.fx), "fx", lens.fx, kFocal);
+  require(is_plausible(lens.fy), "fy", lens.fy, kFocal);
   require(lens.cx >= 0 && lens.cx < lens.width_px, "cx", lens.cx, "inside the image");
   require(lens.cy >= 0 && lens.cy < lens.height_px, "cy", lens.cy, "inside the image");
   const LensNumbers numbers = lens_numbers(lens);

@@ -32,9 +32,15 @@ inline Lens make_lens(int width_px, int height_px, const LensNumbers& n) {
 /// registers of a replayed session would differ between versions, by a count here and there.
 Lens in_single_precision(const Lens& lens);
 
+/// Focal lengths over the image's longer side. The shortest sees 157 degrees, where this lens model ends; the longest 3
+/// degrees: over a whole metre no finger's markers fit into that.
+inline constexpr double kShortestFocal = 0.1, kLongestFocal = 20;
+
 /// Throws InputError (file "lens", with field, found and expected) for a size outside 16 ... 8192 pixels, focal
-/// lengths that are not positive, a principal point outside the image, and anything that is not finite.
+/// lengths that no such camera has, a principal point outside the image, and anything that is not finite.
 void check_lens(const Lens& lens);
+/// The same, of whatever size the images are.
+void check_lens_numbers(const Lens& lens);
 
 /// Where a direction of sight meets the image, and how the pixel moves with it.
 struct Projection {

@@ -1,11 +1,13 @@
 #include "firmware/page/api.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <thread>
 
 #include "firmware/page/import.h"
 #include "firmware/page/json_body.h"
@@ -19,6 +21,8 @@ namespace {
 
 using nlohmann::json;
 
+constexpr std::int64_t kStart_ns = 3 * kNsPerS;  // of finsightd, which may just be starting with what was before
+constexpr std::chrono::milliseconds kBetweenOrders(200);
 constexpr double kBoardSquare_mm = 18;  // ten of them fit on a sheet of A4
 // Of the image's system: which version runs, and whether another one has been installed and starts next.
 constexpr const char *kRelease = "/usr/lib/finsight/release", *kRestarts = "/run/finsight/updated";
@@ -43,15 +47,6 @@ Answer not_found() { return refused({404, "There is nothing under this address."
 std::string text_of(const json& body, const char* name) {
   const auto found = body.find(name);
   return found != body.end() && found->is_string() ? found->get<std::string>() : "";
-}
-
-Identity identity_in(const json& about) {
-  Identity identity{.pack_checksum = text_of(about, "pack_checksum"), .model_name = text_of(about, "finger")};
-  if (about.contains("lens")) {
-    identity.width_px = about["lens"].at("width_px").get<int>();
-    identity.height_px = about["lens"].at("height_px").get<int>();
-  }
-  return identity;
 }
 
 }  // namespace
@@ -88,9 +83,9 @@ Answer Api::get(const Request& request) {
   }
   if (path == "/frame.jpg") return picture();
   if (path == "/shape.bin") return shape();
-  if (path == "/metrics") return {.type = "text/plain; version=0.0.4", .body = metrics_text(device_.values())};
+  if (path == "/metrics") return metrics();
   if (path == "/api/events") return {.is_event_stream = true};
-  if (path == "/api/state") return json_answer(device_.values());
+  if (path == "/api/state") return state();
   if (path == "/api/registers") return {.body = table_};
   if (path == "/api/fingers") return {.body = fingers_};
   if (path == "/api/about") {
@@ -128,6 +123,17 @@ Answer Api::get(const Request& request) {
     }
   }
   return not_found();
+}
+
+Answer Api::state() {
+  const json values = device_.values();
+  return values.contains("error") ? refused({503, text_of(values, "error")}) : json_answer(values);
+}
+
+Answer Api::metrics() {
+  const json values = device_.values();
+  if (values.contains("error")) return refused({503, text_of(values, "error")});
+  return {.type = "text/plain; version=0.0.4", .body = metrics_text(values)};
 }
 
 Answer Api::picture() {
@@ -170,7 +176,7 @@ Answer Api::export_all() {
   if (values.contains("error")) return refused({503, values["error"].get<std::string>()});
   const json about = json_body(device_.about());
   if (!about.is_object()) return refused({503, "finsightd publishes nothing, so lens, mount and zero are not known."});
-  json file = export_file(identity_in(about), device_.settings_json(), about, device_.frame());
+  json file = export_file(device_.settings_json(), about, device_.frame());
   file["serial_number"] = values["serial_number"];
   file["firmware_version"] = values["firmware_version"];
   Answer answer{.body = file.dump(2) + "\n", .file_name = "finsight-" + text_of(values, "serial_number") + ".json"};
@@ -184,19 +190,31 @@ Answer Api::import_all(const json& file) {
   if (folder.empty() || settings_.saved_state.empty()) {
     return refused({409, "Nothing can be imported here: the board file has no page.measured or no storage.settings."});
   }
-  const json about = json_body(device_.about());
-  if (!about.is_object()) return refused({503, "finsightd publishes nothing: it is not running, or is in safe mode."});
-  SettingsWords words;
-  if (const auto refusal = device_.read_settings(words)) return refused(*refusal);
-  const Model model = Model::open(settings_.pack);
-  Import import;
-  if (const auto refusal = read_import(file, identity_in(about), words, model.mount, model.checksum, import)) {
-    return refused(*refusal);
-  }
-  return done_or(store_import(folder, import, [&] {
+  std::vector<PartText> import;
+  if (const auto refusal = read_import(file, finger_at_start(settings_), import)) return refused(*refusal);
+  return stored([&](const Restart& restart) { return store_parts(folder, import, restart); });
+}
+
+/// Where finsightd does not answer there is nothing to restart. That must not be in the way: what is stored may be what
+/// makes it start again.
+Answer Api::stored(const std::function<std::optional<Refusal>(const Restart&)>& store) {
+  bool answers = true;
+  const auto refusal = store([&] {
     std::uint16_t sequence = 0;
-    return device_.order("reset", sequence);
-  }));
+    const std::int64_t until_ns = steady_now_ns() + kStart_ns;
+    auto problem = device_.order("reset", sequence);
+    while (problem && problem->status == kDoesNotAnswer && steady_now_ns() < until_ns) {
+      std::this_thread::sleep_for(kBetweenOrders);
+      problem = device_.order("reset", sequence);
+    }
+    answers = !problem || problem->status != kDoesNotAnswer;
+    return answers ? problem : std::nullopt;
+  });
+  if (refusal || answers) return done_or(refusal);
+  return json_answer({{"done", true},
+                      {"note",
+                       "The measuring program does not answer, so it uses this from its next start on. A device starts "
+                       "it by itself; on a workstation start finsightd."}});
 }
 
 json Api::diagnostics() {
@@ -295,30 +313,32 @@ Answer Api::change(const Request& request, const json& body) {
   if (path.starts_with("/api/lens/") || path.starts_with("/api/mount/") || path.starts_with("/api/fit/")) {
     return set_up(path, body);
   }
-  if (path == "/api/recordings/delete") return done_or(recordings_.remove(text_of(body, "name")));
+  if (path == "/api/recordings/delete")
+    return done_or(recordings_.remove(text_of(body, "name"), device_.is_recording()));
   return not_found();
 }
 
 Answer Api::set_up(const std::string& path, const json& body) {
-  const auto restarted = [&](const std::optional<Refusal>& refusal) {
-    if (refusal) return refused(*refusal);
-    std::uint16_t sequence = 0;
-    return done_or(device_.order("reset", sequence));
+  const auto use = [&](Part part, const std::string& toml) {
+    return stored([&](const Restart& restart) { return setup_.use(part, toml, restart); });
+  };
+  const auto restore = [&](Part part) {
+    return stored([&](const Restart& restart) { return setup_.restore(part, restart); });
   };
   if (path == "/api/lens/capture") return done_or(setup_.capture(body.value("only_still", json()) == true));
   if (path == "/api/lens/remove") {
     const auto id = body.find("id");
     if (id == body.end() || !id->is_number_integer()) return refused({400, "Expected {\"id\": a picture's number}."});
-    return done_or(setup_.remove(id->get<int>()));
+    return done_or(setup_.remove(id->get<std::int64_t>()));
   }
   if (path == "/api/lens/clear") return done_or(setup_.clear());
-  if (path == "/api/lens/use") return restarted(setup_.use(Setup::Part::kLens, setup_.lens_toml()));
-  if (path == "/api/lens/restore") return restarted(setup_.restore(Setup::Part::kLens));
+  if (path == "/api/lens/use") return use(Part::kLens, setup_.lens_toml());
+  if (path == "/api/lens/restore") return restore(Part::kLens);
   if (path == "/api/mount/measure") return done_or(setup_.measure_mount());
-  if (path == "/api/mount/use") return restarted(setup_.use(Setup::Part::kMount, setup_.mount_toml()));
-  if (path == "/api/mount/restore") return restarted(setup_.restore(Setup::Part::kMount));
-  if (path == "/api/fit/use") return restarted(setup_.use(Setup::Part::kFit, text_of(body, "toml")));
-  if (path == "/api/fit/restore") return restarted(setup_.restore(Setup::Part::kFit));
+  if (path == "/api/mount/use") return use(Part::kMount, setup_.mount_toml());
+  if (path == "/api/mount/restore") return restore(Part::kMount);
+  if (path == "/api/fit/use") return use(Part::kFit, text_of(body, "toml"));
+  if (path == "/api/fit/restore") return restore(Part::kFit);
   return not_found();
 }
 

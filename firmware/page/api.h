@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <mutex>
 #include <span>
 #include <string>
@@ -37,10 +38,13 @@ class Api {
   Answer get(const Request& request);
   Answer post(const Request& request);
   Answer set_up(const std::string& path, const nlohmann::json& body);
+  Answer stored(const std::function<std::optional<Refusal>(const Restart&)>& store);
   Answer change(const Request& request, const nlohmann::json& body);
   Answer unlock(const Request& request, const nlohmann::json& body);
   Answer picture();
   Answer shape();
+  Answer state();
+  Answer metrics();
   Answer export_all();
   Answer import_all(const nlohmann::json& file);
   nlohmann::json diagnostics();

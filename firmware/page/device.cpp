@@ -24,7 +24,8 @@ constexpr std::int64_t kOldRegisters_ns = 400'000'000;
 std::string reachable(const std::string& address) { return address == "0.0.0.0" ? "127.0.0.1" : address; }
 
 Refusal refusal_of(const RegisterClient::Answer& answer) {
-  if (!answer.error.empty()) return {503, "The measuring program does not answer over Modbus: " + answer.error + "."};
+  if (!answer.error.empty())
+    return {kDoesNotAnswer, "The measuring program does not answer over Modbus: " + answer.error + "."};
   switch (answer.exception) {
     case Exception::kIllegalValue:
       return {409,
@@ -235,12 +236,11 @@ std::optional<Refusal> Device::order(const std::string& command, std::uint16_t& 
   return write_unlocked(kCommandRegister, std::array{found->value, sequence});
 }
 
-std::optional<Refusal> Device::read_settings(SettingsWords& settings) {
+std::optional<bool> Device::is_recording() {
   const std::lock_guard guard(modbus_mutex_);
-  const Words& words = registers(0);
-  if (!words.error.empty()) return Refusal{503, words.error};
-  settings = SettingsWords(words.control, words.process);
-  return std::nullopt;
+  std::array<std::uint16_t, 1> state{};
+  if (!client_.read(kRecordingRegister, state).is_good()) return std::nullopt;
+  return state[0] == value_named("recording", "recording");
 }
 
 std::optional<Refusal> Device::change_settings(const json& wanted) {

@@ -18,6 +18,9 @@
 
 namespace finsight::page {
 
+/// Status of a refusal where the measuring program does not answer at all.
+inline constexpr unsigned kDoesNotAnswer = 503;
+
 /// Thread-safe. Nothing here throws on what the other program does or does not do.
 class Device {
  public:
@@ -47,8 +50,8 @@ class Device {
   std::optional<Refusal> order(const std::string& command, std::uint16_t& sequence);
   /// Settings by name, in their units; all of them or none.
   std::optional<Refusal> change_settings(const nlohmann::json& wanted);
-  /// As they are now.
-  std::optional<Refusal> read_settings(SettingsWords& settings);
+  /// By its register, now. Nothing: the device does not answer.
+  std::optional<bool> is_recording();
 
  private:
   struct Words {

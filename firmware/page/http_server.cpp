@@ -47,6 +47,18 @@ std::uint32_t client_of(const sockaddr* address) {
   return ntohl(ipv4.sin_addr.s_addr);
 }
 
+std::uint32_t client_of(MHD_Connection* connection) {
+  const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
+  return client_of(info ? info->client_addr : nullptr);
+}
+
+/// Of %-codes. A zero byte would end the text before its end, so that another path would be meant.
+std::size_t unescape(void*, MHD_Connection*, char* text) {
+  const std::size_t length = MHD_http_unescape(text);
+  std::replace(text, text + length, '\0', '\1');
+  return length;
+}
+
 void add_fields(MHD_Response* response, const Answer& answer) {
   const auto add = [&](const char* name, const std::string& value) {
     MHD_add_response_header(response, name, value.c_str());
@@ -76,6 +88,7 @@ struct HttpServer::Impl {
   struct Stream {
     Impl& server;
     MHD_Connection* connection;
+    std::uint32_t client;  ///< IPv4, host byte order
     std::array<std::uint64_t, kEventKinds> sent{};
     std::string pending = "retry: 1000\n\n";
     std::size_t taken = 0;
@@ -100,13 +113,13 @@ struct HttpServer::Impl {
     address.sin_family = AF_INET;
     address.sin_port = htons(static_cast<std::uint16_t>(settings.port));
     inet_pton(AF_INET, settings.address.c_str(), &address.sin_addr);
-    daemon = MHD_start_daemon(MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME, 0, &may_connect, this,
-                              &on_request, this, MHD_OPTION_SOCK_ADDR, reinterpret_cast<sockaddr*>(&address),
-                              MHD_OPTION_CONNECTION_LIMIT, kMostConnections, MHD_OPTION_PER_IP_CONNECTION_LIMIT,
-                              kMostPerAddress, MHD_OPTION_CONNECTION_TIMEOUT, kSilence_s,
-                              MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionMemory, MHD_OPTION_LISTENING_ADDRESS_REUSE,
-                              1U, MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_NOTIFY_COMPLETED, &on_completed, this,
-                              MHD_OPTION_NOTIFY_CONNECTION, &on_connection, this, MHD_OPTION_END);
+    daemon = MHD_start_daemon(
+        MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME, 0, &may_connect, this, &on_request, this,
+        MHD_OPTION_SOCK_ADDR, reinterpret_cast<sockaddr*>(&address), MHD_OPTION_CONNECTION_LIMIT, kMostConnections,
+        MHD_OPTION_PER_IP_CONNECTION_LIMIT, kMostPerAddress, MHD_OPTION_CONNECTION_TIMEOUT, kSilence_s,
+        MHD_OPTION_CONNECTION_MEMORY_LIMIT, kConnectionMemory, MHD_OPTION_LISTENING_ADDRESS_REUSE, 1U,
+        MHD_OPTION_STRICT_FOR_CLIENT, 1, MHD_OPTION_UNESCAPE_CALLBACK, &unescape, nullptr, MHD_OPTION_NOTIFY_COMPLETED,
+        &on_completed, this, MHD_OPTION_NOTIFY_CONNECTION, &on_connection, this, MHD_OPTION_END);
     if (!daemon) {
       const int error = errno ? errno : EADDRINUSE;
       throw std::system_error(error, std::generic_category(),
@@ -207,16 +220,16 @@ struct HttpServer::Impl {
   }
 
   static Request begin(MHD_Connection* connection, const char* url, const char* method) {
-    const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CLIENT_ADDRESS);
     return {.method = method,
             .path = url,
             .host = field(connection, MHD_HTTP_HEADER_HOST),
             .origin = field(connection, MHD_HTTP_HEADER_ORIGIN),
             .fetch_site = field(connection, "Sec-Fetch-Site"),
+            .fetch_mode = field(connection, "Sec-Fetch-Mode"),
             .token = field(connection, "X-Finsight-Token"),
             .content_type = field(connection, MHD_HTTP_HEADER_CONTENT_TYPE),
             .body = {},
-            .client = client_of(info ? info->client_addr : nullptr)};
+            .client = client_of(connection)};
   }
 
   /// Nothing: no length is given. What is no number counts as endless.
@@ -232,9 +245,8 @@ struct HttpServer::Impl {
     note_progress(connection, false);
     MHD_Response* response = nullptr;
     if (answer.is_event_stream) {
-      response = new_stream(connection);
-      if (!response) {
-        answer = refused({503, "Too many browsers are watching."});
+      if (const auto refusal = take_place(connection, response)) {
+        answer = refused(*refusal);
       } else {
         answer.type = "text/event-stream";
       }
@@ -259,11 +271,18 @@ struct HttpServer::Impl {
   }
   static void free_more(void* more) { delete static_cast<std::function<std::int64_t(char*, std::size_t)>*>(more); }
 
-  MHD_Response* new_stream(MHD_Connection* connection) {
+  /// One of the streams, if there is a place for it.
+  std::optional<Refusal> take_place(MHD_Connection* connection, MHD_Response*& response) {
+    const std::uint32_t client = client_of(connection);
     const std::lock_guard guard(mutex);
-    if (streams.size() >= kMostStreams) return nullptr;
-    streams.push_back({.server = *this, .connection = connection});
-    return MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, 16 * 1024, &next_event, &streams.back(), &end_stream);
+    if (std::ranges::count(streams, client, &Stream::client) >= kMostStreamsPerAddress) {
+      return Refusal{503, "Too many pages of this device are open on your computer: close some of them."};
+    }
+    if (streams.size() >= kMostStreams) return Refusal{503, "Too many browsers are watching this device: close some."};
+    streams.push_back({.server = *this, .connection = connection, .client = client});
+    response =
+        MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, 16 * 1024, &next_event, &streams.back(), &end_stream);
+    return std::nullopt;
   }
 
   static ssize_t next_event(void* context, std::uint64_t, char* bytes, std::size_t room) {

@@ -32,7 +32,7 @@ Answer refused(const Refusal& refusal);
 class HttpServer {
  public:
   // An attacker of one address leaves room for the others.
-  static constexpr unsigned kMostConnections = 96, kMostPerAddress = 24, kMostStreams = 12;
+  static constexpr unsigned kMostConnections = 96, kMostPerAddress = 24, kMostStreams = 12, kMostStreamsPerAddress = 6;
   static constexpr unsigned kSilence_s = 15;  ///< a connection without progress is closed after this
   /// A request must be complete within this time, however slowly it comes.
   static constexpr std::int64_t kRequestTime_ns = 20 * kNsPerS;

@@ -1,16 +1,13 @@
 #include "firmware/page/import.h"
 
 #include <cmath>
-#include <functional>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "firmware/calibrate/lens_calibration.h"
 #include "firmware/input_error.h"
-#include "firmware/settings/atomic_file.h"
+#include "firmware/page/settings_change.h"
 #include "firmware/settings/measured_fit.h"
-#include "firmware/settings/settings.h"
 #include "firmware/settings/state_text.h"
 
 namespace finsight::page {
@@ -18,7 +15,6 @@ namespace finsight::page {
 namespace {
 
 using nlohmann::json;
-namespace fs = std::filesystem;
 
 constexpr double kLargestZero = 10, kLargestGravity_g = 100;  // as in a saved file
 
@@ -56,7 +52,7 @@ struct Zero {
 
 Zero zero_in(const json& file) {
   Zero zero;
-  if (!file.contains("zero") || file["zero"].is_null()) return zero;
+  if (file["zero"].is_null()) return zero;
   const json& table = file["zero"];
   if (!table.is_object()) refuse("zero", shown(table).substr(0, 80), "a table or null");
   zero.pose.emplace();
@@ -82,52 +78,47 @@ RuntimeSettings settings_of(const SettingsWords& words) {
   return settings;
 }
 
-Import checked(const json& file, const Identity& identity, const MountModel& mount, std::uint32_t model_checksum,
-               const RuntimeSettings& settings) {
-  Import import;
-  if (file.contains("lens") && !file["lens"].is_null()) {
-    if (identity.width_px == 0) refuse("lens", "a lens", "none: this device has no pictures");
-    import.lens = lens_text(read_lens_text(text_in(file, "lens"), "lens", identity.width_px, identity.height_px));
+/// The names of settings and parts that are not in the file.
+std::string absent_in(const json& file) {
+  std::string names;
+  const auto need = [&](const json& table, const char* name) {
+    if (!table.contains(name)) names += (names.empty() ? "" : ", ") + std::string(name);
+  };
+  for (const char* part : {"lens", "mount", "fit", "zero"}) need(file, part);
+  for (int i = 0; i < kSettingCount; ++i) {
+    if (setting_row(i).writable) need(file["settings"], setting_row(i).name);
   }
-  MeasuredMount measured = poses_of(mount);
-  if (file.contains("mount") && !file["mount"].is_null()) {
-    measured = read_measured_mount(TomlTable::parse_text(text_in(file, "mount"), "mount"));
-    corrected_mount(mount, measured);
-    import.mount = measured_mount_toml(measured);
+  return names;
+}
+
+/// Written as finsightd writes them, then read as its start does: rounding must not carry a number over its limit.
+std::vector<PartText> checked(const json& file, const FingerAtStart& finger, const RuntimeSettings& settings) {
+  std::vector<PartText> import;
+  const auto add = [&](Part part, const std::string& text) {
+    check_part(part, text, finger);
+    import.push_back({part, text});
+  };
+  if (!file["lens"].is_null()) add(Part::kLens, lens_text(check_lens_text(text_in(file, "lens"), "lens", finger)));
+  MeasuredMount mount = poses_of(finger.mount);
+  if (!file["mount"].is_null()) {
+    add(Part::kMount, measured_mount_toml(check_mount_text(text_in(file, "mount"), "mount", finger)));
+    mount = check_mount_text(import.back().text, "mount", finger);
   }
-  if (file.contains("fit") && !file["fit"].is_null()) {
-    const FitValues fit = read_measured_fit(TomlTable::parse_text(text_in(file, "fit"), "fit"));
-    check_fit(fit, model_checksum, "fit");
-    import.fit = measured_fit_toml(fit);
-  }
+  if (!file["fit"].is_null()) add(Part::kFit, measured_fit_toml(check_fit_text(text_in(file, "fit"), "fit", finger)));
   const Zero zero = zero_in(file);
-  if (zero.pose && import.mount.empty()) refuse("mount", "nothing", "the mount that the zero was measured with");
-  import.state = state_text(settings, zero.pose, zero.g, model_checksum, measured);
+  if (zero.pose && file["mount"].is_null()) refuse("mount", "nothing", "the mount that the zero was measured with");
+  const std::string state = state_text(settings, zero.pose, zero.g, finger.model_checksum, mount);
+  check_state_text(state, "zero", finger, mount);
+  import.push_back({Part::kState, state});
   return import;
 }
 
-/// Files of the import, and where they belong.
-std::vector<std::pair<fs::path, std::string>> files_of(const fs::path& folder, const Import& import) {
-  std::vector<std::pair<fs::path, std::string>> files;
-  for (const auto& [name, text] : {std::pair{kMeasuredLens, &import.lens},
-                                   {kMeasuredMount, &import.mount},
-                                   {kMeasuredFit, &import.fit},
-                                   {kImportedState, &import.state}}) {
-    if (!text->empty()) files.emplace_back(folder / name, *text);
-  }
-  return files;
-}
-
-fs::path former_of(const fs::path& file) { return file.string() + ".former"; }
-fs::path fresh_of(const fs::path& file) { return file.string() + ".import"; }
-
 }  // namespace
 
-json export_file(const Identity& identity, const json& settings, const json& about,
-                 const std::optional<PublishedFrame>& frame) {
+json export_file(const json& settings, const json& about, const std::optional<PublishedFrame>& frame) {
   json file = {{"finsight_export", 1},
-               {"model_name", identity.model_name},
-               {"pack_checksum", identity.pack_checksum},
+               {"model_name", about.value("finger", json())},
+               {"pack_checksum", about.value("pack_checksum", json())},
                {"settings", settings},
                {"lens", json()},
                {"mount", about.value("mount", json())},
@@ -137,7 +128,7 @@ json export_file(const Identity& identity, const json& settings, const json& abo
     const json& lens = about["lens"];
     LensNumbers numbers{};
     for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = lens.at(kLensNames[i]).get<double>();
-    file["lens"] = lens_text(make_lens(identity.width_px, identity.height_px, numbers));
+    file["lens"] = lens_text(make_lens(lens.at("width_px").get<int>(), lens.at("height_px").get<int>(), numbers));
   }
   if (frame && frame->has_zero) {
     for (std::size_t p = 0; p < kPlates; ++p) file["zero"][kPlateNames[p]] = frame->zero[p];
@@ -146,54 +137,30 @@ json export_file(const Identity& identity, const json& settings, const json& abo
   return file;
 }
 
-std::optional<Refusal> read_import(const json& file, const Identity& identity, SettingsWords words,
-                                   const MountModel& mount, std::uint32_t model_checksum, Import& import) {
+std::optional<Refusal> read_import(const json& file, const FingerAtStart& finger, std::vector<PartText>& import) {
   if (!file.is_object() || file.value("finsight_export", json()) != 1) {
     return Refusal{400, "This is not a file that the page has exported."};
   }
+  const std::string own = checksum_text(finger.model_checksum);
   const json checksum = file.value("pack_checksum", json());
-  if (checksum != identity.pack_checksum) {
+  if (checksum != own) {
     const json name = file.value("model_name", json());
-    return Refusal{409, "pack_checksum: found " + shown(checksum) + " (model " + shown(name) + "), expected \"" +
-                            identity.pack_checksum + "\" (" + identity.model_name +
-                            "): the file is of a device with another model pack."};
+    return Refusal{409, "pack_checksum: found " + shown(checksum) + " (model " + shown(name) + "), expected \"" + own +
+                            "\" (" + finger.model_name + "): the file is of a device with another model pack."};
   }
+  SettingsWords words;
   if (auto refusal = apply_settings(file.value("settings", json()), words)) return refusal;
+  if (const std::string absent = absent_in(file); !absent.empty()) {
+    return Refusal{400, "The file is not complete: it lacks " + absent + "."};
+  }
   const RuntimeSettings settings = settings_of(words);
   if (!are_valid(settings)) return Refusal{400, "settings: an \"on\" threshold is not above its \"off\" threshold."};
   try {
-    import = checked(file, identity, mount, model_checksum, settings);
+    import = checked(file, finger, settings);
   } catch (const InputError& error) {
     return Refusal{400, std::string(error.what()) + "."};
   }
   return std::nullopt;
-}
-
-std::optional<Refusal> store_import(const fs::path& folder, const Import& import,
-                                    const std::function<std::optional<Refusal>()>& restart) {
-  const auto files = files_of(folder, import);
-  std::vector<bool> had(files.size());
-  std::error_code ignored;
-  try {  // what can fail comes first; then only names change
-    for (const auto& [file, text] : files) write_file_atomically(fresh_of(file), text);
-  } catch (const std::system_error& error) {
-    for (const auto& [file, text] : files) fs::remove(fresh_of(file), ignored);
-    return Refusal{500, std::string("It cannot be stored: ") + error.what() + "."};
-  }
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    const fs::path& file = files[i].first;
-    had[i] = fs::exists(file, ignored);
-    if (had[i]) fs::rename(file, former_of(file), ignored);
-    fs::rename(fresh_of(file), file, ignored);
-  }
-  const auto refusal = restart();
-  if (!refusal) return std::nullopt;
-  for (std::size_t i = 0; i < files.size(); ++i) {
-    const fs::path& file = files[i].first;
-    fs::remove(file, ignored);
-    if (had[i]) fs::rename(former_of(file), file, ignored);
-  }
-  return refusal;
 }
 
 }  // namespace finsight::page

@@ -69,7 +69,7 @@ std::vector<Settings> settings_of(const Arguments& arguments) {
   const SettingsFiles files(arguments.settings, arguments.user);
   std::vector<Settings> fingers;
   try {
-    fingers = read_fingers(files);
+    fingers = read_fingers(files, Measured::kIgnored);
   } catch (const InputError& error) {
     log_line(error.what());
     fingers = {read_usable_settings(files)};

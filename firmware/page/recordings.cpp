@@ -71,15 +71,17 @@ std::function<std::int64_t(char*, std::size_t)> Recordings::tar(const std::strin
   return tar_of(std::move(parts));
 }
 
-std::optional<Refusal> Recordings::remove(const std::string& name) const {
+std::optional<Refusal> Recordings::remove(const std::string& name, std::optional<bool> is_recording) const {
   std::error_code error;
   if (folder_.empty() || !is_name(name) || !fs::is_directory(folder_ / name, error)) {
     return Refusal{404, "There is no recording of that name."};
   }
+  // A recording that was cut off is incomplete for ever. The one that is being written is the newest.
   if (!says_complete(folder_ / name)) {
-    // It may be the one that is being written; a recording that was cut off says so for ever, so its age decides.
-    const auto age = fs::file_time_type::clock::now() - fs::last_write_time(folder_ / name / "frames.y4m", error);
-    if (!error && age < std::chrono::seconds(10)) return Refusal{409, "This recording is still running."};
+    if (!is_recording) {
+      return Refusal{503, "The measuring program does not answer, so it may still be writing this recording."};
+    }
+    if (*is_recording && list()[0]["name"] == name) return Refusal{409, "This recording is still running."};
   }
   fs::remove_all(folder_ / name, error);
   if (error) return Refusal{500, "It cannot be deleted: " + error.message() + "."};

@@ -64,13 +64,14 @@ std::optional<Refusal> check_request(const Request& request, const PageSettings&
                    "The name in the address bar is not one of this device's. Use its address, its .local name, or a "
                    "name from page.names in the board file."};
   }
-  if (request.method == "GET" || request.method == "HEAD") return std::nullopt;
-  if (request.method != "POST") return Refusal{405, "Only GET, HEAD and POST are answered."};
+  const bool only_looks = request.method == "GET" || request.method == "HEAD";
+  if (!only_looks && request.method != "POST") return Refusal{405, "Only GET, HEAD and POST are answered."};
   if (!request.origin.empty() && request.origin != "http://" + request.host &&
       request.origin != "https://" + request.host) {
     return Refusal{403, "This request was made by a page of another site."};
   }
-  if (!request.fetch_site.empty() && request.fetch_site != "same-origin" && request.fetch_site != "none") {
+  const bool is_link = only_looks && request.fetch_mode == "navigate";
+  if (!is_link && !request.fetch_site.empty() && request.fetch_site != "same-origin" && request.fetch_site != "none") {
     return Refusal{403, "This request was made by a page of another site."};
   }
   return std::nullopt;

@@ -18,7 +18,8 @@ namespace finsight::page {
 
 /// What a browser asks. Header fields that are absent are empty.
 struct Request {
-  std::string method = {}, path = {}, host = {}, origin = {}, fetch_site = {}, token = {}, content_type = {}, body = {};
+  std::string method = {}, path = {}, host = {}, origin = {}, fetch_site = {}, fetch_mode = {}, token = {},
+              content_type = {}, body = {};
   std::uint32_t client = 0;  ///< IPv4, host byte order
 };
 
@@ -33,7 +34,8 @@ struct Refusal {
 /// rebinding); an address cannot.
 bool is_own_host(std::string_view host, const std::vector<std::string>& names);
 
-/// Nothing if this request may be looked at. POST must come from a page of the host that it is sent to.
+/// Nothing if this request may be looked at: what a page makes a browser send must come from a page of the host that it
+/// is sent to. Only links may lead here from elsewhere.
 std::optional<Refusal> check_request(const Request& request, const PageSettings& settings);
 
 /// Who has given the key. Thread-safe.

@@ -10,6 +10,8 @@ namespace {
 
 using nlohmann::json;
 
+constexpr double kRounding = 1e-6;  // of decimal fractions: 0.29 is not 29 times 0.01
+
 const RegisterRow* setting_by_name(const std::string& name) {
   for (int i = 0; i < kSettingCount; ++i) {
     if (setting_row(i).name == name) return &setting_row(i);
@@ -25,7 +27,9 @@ std::optional<std::uint16_t> raw_setting(const RegisterRow& row, const json& val
     if (found == row.values.end()) return std::nullopt;
     raw = found->value;
   } else if (value.is_number()) {
-    raw = std::round(value.get<double>() / row.scale);
+    const double exact = value.get<double>() / row.scale;
+    raw = std::round(exact);
+    if (!(std::abs(raw - exact) <= kRounding * std::max(1.0, std::abs(exact)))) return std::nullopt;
   } else {
     return std::nullopt;
   }
@@ -42,7 +46,8 @@ std::string range_of(const RegisterRow& row) {
   const auto number = [&](int raw) {
     return row.scale == 1 ? std::to_string(raw) : json(std::round(raw * row.scale * 1e6) / 1e6).dump();
   };
-  return number(row.lowest) + " to " + number(row.highest) + (*row.unit ? std::string(" ") + row.unit : "");
+  const std::string step = row.scale == 1 ? " in whole numbers" : " in steps of " + number(1);
+  return number(row.lowest) + " to " + number(row.highest) + (*row.unit ? std::string(" ") + row.unit : "") + step;
 }
 
 }  // namespace

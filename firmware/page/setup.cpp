@@ -1,27 +1,24 @@
 #include "firmware/page/setup.h"
 
+#include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <numbers>
-#include <system_error>
 
 #include "firmware/input_error.h"
 #include "firmware/model/model.h"
-#include "firmware/settings/atomic_file.h"
-#include "firmware/settings/measured_fit.h"
 
 namespace finsight::page {
 
 namespace {
 
 using nlohmann::json;
-namespace fs = std::filesystem;
 
 constexpr std::size_t kMostPictures = 80;
 constexpr double kStill_px = 2;  // of the board's corners, over a third of a second
 constexpr std::chrono::milliseconds kBetweenPictures(300), kPoll(10);
 constexpr std::int64_t kMountTime_ns = 3 * kNsPerS, kPictureTime_ns = 2 * kNsPerS;
 constexpr double kDegPerRad = 180 / std::numbers::pi;
+constexpr const char* kNoFolder = "The board file names no folder for it (page.measured).";
 
 /// Mean distance of corners that both have; large without any.
 double moved_px(const BoardSight& a, const BoardSight& b) {
@@ -170,7 +167,13 @@ void Setup::compute() {
   lens_error_ = error;
 }
 
-std::optional<Refusal> Setup::remove(int id) {
+std::optional<Refusal> Setup::remove(std::int64_t id) {
+  {
+    const std::lock_guard guard(mutex_);
+    if (std::ranges::find(captured_, id, &Captured::id) == captured_.end()) {
+      return Refusal{404, "There is no picture of that number."};
+    }
+  }
   return begin([this, id] {
     {
       const std::lock_guard guard(mutex_);
@@ -285,49 +288,21 @@ std::string Setup::mount_toml() {
          measured_mount_toml(estimate_->mount);
 }
 
-fs::path Setup::stored(Part part) const {
-  constexpr std::array kNames = {kMeasuredLens, kMeasuredMount, kMeasuredFit};
-  return settings_.page->measured / kNames[static_cast<std::size_t>(part)];
-}
-
-std::optional<Refusal> Setup::check_fit_text(const std::string& toml) const {
+std::optional<Refusal> Setup::use(Part part, const std::string& toml, const Restart& restart) {
+  if (part != Part::kFit && toml.empty()) return Refusal{409, "There is no result to store."};
   try {
-    const FitValues fit = read_measured_fit(TomlTable::parse_text(toml, "fit.toml"));
-    check_fit(fit, Model::open(settings_.pack).checksum, "fit.toml");
+    check_part(part, toml, finger_at_start(settings_));
   } catch (const InputError& error) {
     return Refusal{400, std::string(error.what()) + "."};
   }
-  return std::nullopt;
+  if (settings_.page->measured.empty()) return Refusal{409, kNoFolder};
+  return store_parts(settings_.page->measured, {{part, toml}}, restart);
 }
 
-std::optional<Refusal> Setup::use(Part part, const std::string& toml) {
-  if (part == Part::kFit) {
-    if (auto refusal = check_fit_text(toml)) return refusal;
-  } else if (toml.empty()) {
-    return Refusal{409, "There is no result to store."};
-  }
-  if (settings_.page->measured.empty()) return Refusal{409, "The board file names no folder for it (page.measured)."};
-  try {
-    const fs::path file = stored(part);
-    if (fs::exists(file)) fs::rename(file, file.string() + ".former");
-    write_file_atomically(file, toml);
-  } catch (const std::system_error& error) {
-    return Refusal{500, std::string("It cannot be stored: ") + error.what() + "."};
-  }
-  return std::nullopt;
-}
-
-std::optional<Refusal> Setup::restore(Part part) {
-  if (settings_.page->measured.empty()) return Refusal{409, "The board file names no folder for it (page.measured)."};
-  const fs::path file = stored(part), former = file.string() + ".former", between = file.string() + ".between";
-  std::error_code error;
-  const bool has_file = fs::exists(file, error), has_former = fs::exists(former, error);
-  if (!has_file && !has_former) return Refusal{409, "Nothing has been measured on this page before."};
-  if (has_file) fs::rename(file, between, error);
-  if (!error && has_former) fs::rename(former, file, error);
-  if (!error && has_file) fs::rename(between, former, error);
-  if (error) return Refusal{500, "It cannot be brought back: " + error.message() + "."};
-  return std::nullopt;
+std::optional<Refusal> Setup::restore(Part part, const Restart& restart) {
+  if (settings_.page->measured.empty()) return Refusal{409, kNoFolder};
+  return bring_back(
+      settings_.page->measured, part, [this] { return finger_at_start(settings_); }, restart);
 }
 
 }  // namespace finsight::page

@@ -14,6 +14,7 @@
 #include "firmware/calibrate/lens_calibration.h"
 #include "firmware/calibrate/mount_estimate.h"
 #include "firmware/page/device.h"
+#include "firmware/page/measured_files.h"
 #include "firmware/page/request_guard.h"
 #include "firmware/settings/settings.h"
 
@@ -34,15 +35,14 @@ class Setup {
   // Begin something; a refusal says why not.
   /// `only_still`: nothing is kept unless the board is held still and shows something new.
   std::optional<Refusal> capture(bool only_still);
-  std::optional<Refusal> remove(int id);
+  std::optional<Refusal> remove(std::int64_t id);
   std::optional<Refusal> clear();
   std::optional<Refusal> measure_mount();
-  enum class Part { kLens, kMount, kFit };
-  /// Stores a result, lens_toml() or mount_toml(), or what `hostgen fit` has written; the former one stays beside it.
-  /// finsightd uses it from its next start on. A fit of another pack is refused.
-  std::optional<Refusal> use(Part part, const std::string& toml);
-  /// Exchanges what is stored and the former one; without a former one the board file's is used again.
-  std::optional<Refusal> restore(Part part);
+  /// Stores a result, lens_toml() or mount_toml(), or what `hostgen fit` has written, and restarts finsightd with it.
+  /// What that would not start with is refused. The former one stays beside it.
+  std::optional<Refusal> use(Part part, const std::string& toml, const Restart& restart);
+  /// See bring_back().
+  std::optional<Refusal> restore(Part part, const Restart& restart);
 
  private:
   struct Captured {
@@ -55,8 +55,6 @@ class Setup {
   void compute();
   void measure();
   bool is_stopping();
-  std::filesystem::path stored(Part part) const;
-  std::optional<Refusal> check_fit_text(const std::string& toml) const;
 
   const Settings& settings_;
   Device& device_;

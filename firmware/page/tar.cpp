@@ -42,6 +42,7 @@ class Tar {
  public:
   explicit Tar(std::vector<TarPart> parts) : parts_(std::move(parts)) {}
 
+  /// Negative where a file is not what it was when the archive began: half an archive must not look like a whole one.
   std::int64_t more(char* bytes, std::size_t room) {
     std::size_t given = 0;
     while (given < room && fill()) {
@@ -50,7 +51,7 @@ class Tar {
       at_ += count;
       given += count;
     }
-    return static_cast<std::int64_t>(given);
+    return is_broken_ ? -1 : static_cast<std::int64_t>(given);
   }
 
  private:
@@ -62,7 +63,11 @@ class Tar {
     if (left_ > 0) {
       const auto count = static_cast<std::size_t>(std::min<std::uintmax_t>(left_, 64 * 1024));
       buffer_.resize(count);
-      in_.read(buffer_.data(), static_cast<std::streamsize>(count));  // what is missing stays zero
+      if (!in_.read(buffer_.data(), static_cast<std::streamsize>(count))) {
+        is_broken_ = true;
+        buffer_.clear();
+        return false;
+      }
       left_ -= count;
       if (left_ == 0) buffer_.resize((count + kTarBlock - 1) / kTarBlock * kTarBlock);
       return true;
@@ -91,7 +96,7 @@ class Tar {
   std::vector<char> buffer_;
   std::ifstream in_;
   std::uintmax_t left_ = 0;
-  bool is_ended_ = false;
+  bool is_ended_ = false, is_broken_ = false;
 };
 
 }  // namespace

@@ -75,6 +75,11 @@ Lens read_lens(TomlTable table, int width_px, int height_px) {
   check_side("width_px", width_px);
   check_side("height_px", height_px);
   table.finish();
+  try {
+    check_lens_numbers(in_single_precision(lens));  // as the frame loop has it
+  } catch (const InputError& error) {
+    throw InputError(table.where(), error.what());
+  }
   return lens;
 }
 

@@ -100,10 +100,10 @@ void check_units(std::vector<Settings>& fingers, const std::string& where, bool 
 
 }  // namespace
 
-std::vector<Settings> read_fingers(const SettingsFiles& files) {
+std::vector<Settings> read_fingers(const SettingsFiles& files, Measured measured) {
   TomlTable root = files.merged();
   if (!root.has(kTable)) {
-    Settings alone = read_finger(root, "");
+    Settings alone = read_finger(root, "", measured);
     if (alone.modbus.unit != 0) alone.unit = alone.modbus.unit;
     return {alone};
   }
@@ -121,7 +121,7 @@ std::vector<Settings> read_fingers(const SettingsFiles& files) {
     }
     TomlTable merged = TomlTable::merged(table, root);
     merged.has_been_read({"name", kTable});
-    Settings finger = read_finger(std::move(merged), name);
+    Settings finger = read_finger(std::move(merged), name, measured);
     for (const Settings& other : fingers) {
       check_camera(finger, other, where);
       check_lines(finger, other, where);

@@ -44,14 +44,7 @@ void read_live(TomlTable& table, Settings& settings) {
   if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
   if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);
   live.stall_ms = static_cast<int>(table.integer("stall_ms", 50, 60'000, 500));
-  TomlTable lens = table_or_measured_file(table, "lens", settings);
-  const std::string where = lens.where();
-  settings.lens = read_lens(std::move(lens), live.width_px, live.height_px);
-  try {
-    check_lens(settings.lens);
-  } catch (const InputError& error) {
-    throw InputError(where, error.what());
-  }
+  settings.lens = read_lens(table_or_measured_file(table, "lens", settings), live.width_px, live.height_px);
 }
 
 void read_source(TomlTable table, Settings& settings) {
@@ -249,7 +242,6 @@ void use_measured(const std::filesystem::path& folder, Settings& settings) {
   const LiveCameraSettings& live = settings.camera;
   if (settings.source == Settings::Source::kCamera) {
     settings.lens = read_lens(TomlTable::parse_file(lens), live.width_px, live.height_px);
-    check_lens(settings.lens);
   }
 }
 
@@ -365,7 +357,7 @@ TomlTable SettingsFiles::merged() const {
   return versions_.front();
 }
 
-Settings read_finger(TomlTable root, const std::string& name) {
+Settings read_finger(TomlTable root, const std::string& name, Measured measured) {
   Settings settings;
   settings.name = name;
   settings.pack = root.path("pack");
@@ -393,7 +385,8 @@ Settings read_finger(TomlTable root, const std::string& name) {
   if (root.has("mount")) settings.mount = read_measured_mount(table_or_measured_file(root, "mount", settings));
   root.finish();
   if (!name.empty()) store_under_name(settings);
-  if (settings.page && !settings.page->measured.empty()) use_measured(settings.page->measured, settings);
+  const bool has_measured = settings.page && !settings.page->measured.empty();
+  if (has_measured && measured == Measured::kUsed) use_measured(settings.page->measured, settings);
   return settings;
 }
 

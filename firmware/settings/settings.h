@@ -94,11 +94,14 @@ class SettingsFiles {
   std::optional<InputError> error_;
 };
 
+/// Whether lens, mount and fit that are stored under page.measured are read. The page, which mends them, ignores them.
+enum class Measured { kUsed, kIgnored };
+
 /// Of every finger, in the order of their unit ids: 1 to 4. Without [[finger]] the file is that of one finger. A
 /// [[finger]] table says what the file of one finger says of it, and what it leaves out is that of the file's top; what
 /// it stores goes under its name. Strict: throws InputError with file:line, key, found and expected, also for what two
 /// fingers cannot share. Relative paths start at the folder of the file that they stand in.
-std::vector<Settings> read_fingers(const SettingsFiles& files);
+std::vector<Settings> read_fingers(const SettingsFiles& files, Measured measured = Measured::kUsed);
 /// Of the first finger.
 Settings read_settings(const SettingsFiles& files);
 
@@ -117,6 +120,6 @@ std::vector<Settings> read_usable_fingers(const SettingsFiles& files);
 std::optional<GpioSettings> read_outputs(TomlTable root);
 
 /// One finger's: of a whole board file, or of a [[finger]] table over it.
-Settings read_finger(TomlTable root, const std::string& name);
+Settings read_finger(TomlTable root, const std::string& name, Measured measured);
 
 }  // namespace finsight

@@ -168,6 +168,7 @@ TEST_CASE("recorder: frames that a slow disk cannot take are left out and counte
   const test::ScratchFolder folder;
   SessionInfo large = info();  // larger than what is written at once
   large.lens.width_px = large.lens.height_px = 400;
+  large.lens.fx = large.lens.fy = 400;
   Recorder recorder(folder.path(), large, kNoLimits);
   recorder.start();
   REQUIRE(settles(recorder));

@@ -269,6 +269,22 @@ TEST_CASE("saved state: a zero of another model or another mount is refused, the
   CHECK(load(file, rounded)->state.zero);
 }
 
+TEST_CASE("saved state: a zero that is further from rest than any that is measured is not used") {
+  const test::ScratchFolder folder;
+  const auto is_used = [&](auto change) {
+    SavedState state = changed();
+    change((*state.zero)[kTopPlate]);
+    save(folder / "state.toml", state);
+    const auto loaded = load(folder / "state.toml");
+    CHECK(loaded->state.settings == state.settings);
+    CHECK(loaded->problem.empty() == loaded->state.zero.has_value());
+    return loaded->state.zero.has_value();
+  };
+  CHECK(is_used([](PlateMotion& plate) { plate = {{0, 9.9F, 0}, {0, 0.149F, 0}}; }));
+  CHECK_FALSE(is_used([](PlateMotion& plate) { plate.displacement_mm = {9.9F, 9.9F, 9.9F}; }));
+  CHECK_FALSE(is_used([](PlateMotion& plate) { plate.rotation_rad = {0, 0, 0.2F}; }));
+}
+
 TEST_CASE("saved state: a file without a zero is valid for every model and mount") {
   const test::ScratchFolder folder;
   save(folder / "state.toml", {});

@@ -121,6 +121,8 @@ TEST_CASE("lens: refuses what cannot be a lens, naming the field") {
   refused([](Lens& c) { c.height_px = -720; }, "height_px");
   refused([&](Lens& c) { c.fx = nan; }, "fx");
   refused([](Lens& c) { c.fy = -735; }, "fy");
+  refused([](Lens& c) { c.fx = 127; }, "fx");
+  refused([](Lens& c) { c.fy = 25601; }, "fy");
   refused([&](Lens& c) { c.cx = nan; }, "cx");
   refused([](Lens& c) { c.cy = 720; }, "cy");
   refused([&](Lens& c) { c.k1 = nan; }, "k1");

@@ -65,10 +65,40 @@ TEST_CASE("recordings: one is deleted, but not while it runs") {
   make_session(folder.path(), "session-0001", 10);
   const Recordings recordings(folder.path());
   std::ofstream(folder / "session-0001/session.toml") << "complete = false\n";
-  CHECK(recordings.remove("session-0001")->status == 409);
   fs::last_write_time(folder / "session-0001/frames.y4m", fs::file_time_type::clock::now() - std::chrono::minutes(1));
-  CHECK_FALSE(recordings.remove("session-0001"));
+  CHECK(recordings.remove("session-0001", true)->status == 409);
+  CHECK(recordings.remove("session-0001", std::nullopt)->status == 503);
+  CHECK_FALSE(recordings.remove("session-0001", false));
   CHECK_FALSE(fs::exists(folder / "session-0001"));
-  CHECK(recordings.remove("session-0001")->status == 404);
-  CHECK(recordings.remove("..")->status == 404);
+  CHECK(recordings.remove("session-0001", false)->status == 404);
+  CHECK(recordings.remove("..", false)->status == 404);
+}
+
+TEST_CASE("recordings: while one runs, complete ones and those that were cut off before can be deleted") {
+  const finsight::test::ScratchFolder folder;
+  for (const char* name : {"session-0001", "session-0002", "session-0003"}) make_session(folder.path(), name, 10);
+  for (const char* name : {"session-0001", "session-0003"})
+    std::ofstream(folder / name / "session.toml") << "complete = false\n";
+  const Recordings recordings(folder.path());
+  CHECK_FALSE(recordings.remove("session-0001", true));
+  CHECK_FALSE(recordings.remove("session-0002", std::nullopt));
+  CHECK(recordings.remove("session-0003", true)->status == 409);
+}
+
+TEST_CASE("recordings: a download breaks where a file is deleted or gets shorter meanwhile") {
+  for (const bool is_deleted : {true, false}) {
+    const finsight::test::ScratchFolder folder;
+    make_session(folder.path(), "session-0001", 200'001);
+    const auto more = Recordings(folder.path()).tar("session-0001");
+    std::vector<char> bytes(1000);
+    REQUIRE(more(bytes.data(), bytes.size()) == 1000);
+    if (is_deleted) {
+      fs::remove_all(folder / "session-0001");
+    } else {
+      fs::resize_file(folder / "session-0001/session.toml", 3);
+    }
+    std::int64_t count = 1;
+    while (count > 0) count = more(bytes.data(), bytes.size());
+    CHECK(count < 0);
+  }
 }

@@ -49,8 +49,27 @@ TEST_CASE("request guard: what a page of another site makes a browser send is re
     request.origin = origin;
     CHECK(status(check_request(request, settings)) == 403);
   }
+  request.method = "GET";
+  CHECK(status(check_request(request, settings)) == 403);
   request.method = "DELETE";
   CHECK(status(check_request(request, settings)) == 405);
+}
+
+TEST_CASE("request guard: from another site only a link leads here") {
+  const PageSettings settings;
+  Request request = get("192.168.0.7");
+  for (const char* site : {"cross-site", "same-site"}) {
+    request.fetch_site = site;
+    for (const char* mode : {"", "cors", "no-cors", "websocket"}) {
+      request.fetch_mode = mode;
+      CHECK(status(check_request(request, settings)) == 403);
+    }
+    request.fetch_mode = "navigate";
+    CHECK(status(check_request(request, settings)) == 200);
+    request.method = "POST";
+    CHECK(status(check_request(request, settings)) == 403);
+    request.method = "GET";
+  }
 }
 
 TEST_CASE("request guard: a token is good for its address while it is used, and no other is") {

@@ -41,16 +41,25 @@ TEST_CASE("settings change: values in units and names of codes become words; the
 }
 
 TEST_CASE("settings change: what is no setting or out of its range is refused by name, with the range") {
-  CHECK(refusal({{"hold_time", 20000}}) == "hold_time: found 20000, expected 0 to 10000 ms.");
+  CHECK(refusal({{"hold_time", 20000}}) == "hold_time: found 20000, expected 0 to 10000 ms in whole numbers.");
   CHECK(refusal({{"after_hold", "maybe"}}) == "after_hold: found \"maybe\", expected one of invalidate, keep.");
-  CHECK(refusal({{"contact_on", 0}}) == "contact_on: found 0, expected 0.01 to 100.0 N.");
-  CHECK(refusal({{"hold_time", nullptr}}) == "hold_time: found null, expected 0 to 10000 ms.");
+  CHECK(refusal({{"contact_on", 0}}) == "contact_on: found 0, expected 0.01 to 100.0 N in steps of 0.01.");
+  CHECK(refusal({{"hold_time", nullptr}}) == "hold_time: found null, expected 0 to 10000 ms in whole numbers.");
   CHECK(refusal({{"hold_time", 1e300}}) != "");
   CHECK(refusal({{"status", 1}}) == "There is no setting \"status\".");
   CHECK(refusal({{"write_key", 1}}) == "There is no setting \"write_key\".");
   for (const json& wanted : {json::object(), json::array(), json(), json("x"), json(1)}) {
     CHECK(refusal(wanted) == "Expected {\"setting\": value, ...}.");
   }
+}
+
+TEST_CASE("settings change: what lies between two steps of a setting is refused, not rounded") {
+  CHECK(refusal({{"hold_time", 0.4}}) == "hold_time: found 0.4, expected 0 to 10000 ms in whole numbers.");
+  CHECK(refusal({{"word_order", 0.7}}) == "word_order: found 0.7, expected one of ABCD, CDAB.");
+  CHECK(refusal({{"contact_on", 0.295}}) != "");
+  CHECK(refusal({{"lowpass", 12.51}}) == "lowpass: found 12.51, expected 0.0 to 100.0 Hz in steps of 0.1.");
+  for (int raw = 1; raw <= 10000; ++raw) CHECK(refusal({{"contact_on", raw / 100.0}}) == "");
+  CHECK(refusal({{"contact_on", 0.1 + 0.2}}) == "");
 }
 
 TEST_CASE("settings change: a body that is no JSON, or nested too deeply, is no body") {

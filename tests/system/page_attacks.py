@@ -8,6 +8,7 @@ import io
 import json
 import os
 import random
+import re
 import signal
 import socket
 import statistics
@@ -82,6 +83,32 @@ class Interface(unittest.TestCase):
         apart_ms = statistics.median(b - a for a, b in zip(exposures, exposures[1:]))
         self.assertTrue(50 <= apart_ms <= 100, apart_ms)
 
+    def test_one_address_leaves_places_for_the_events_of_others_and_hears_why_it_gets_none(self):
+        ask = f"GET /api/events HTTP/1.1\r\nHost: 127.0.0.1:{self.device.page_port}\r\n\r\n".encode()
+
+        def connect(address="127.0.0.3"):
+            return socket.create_connection(("127.0.0.1", self.device.page_port), timeout=10, source_address=(address, 0))
+        streams = [connect() for _ in range(8)]
+        answers = []
+        for stream in streams:
+            stream.sendall(ask)
+            answers.append(stream.recv(4096))
+        self.assertEqual([b" 200 " in answer[:20] for answer in answers], [True] * 6 + [False] * 2)
+        for answer in answers[6:]:
+            self.assertIn(b" 503 ", answer[:20])
+            self.assertIn(b"Too many pages of this device are open on your computer", answer)
+        with connect("127.0.0.2") as other:
+            other.sendall(ask)
+            self.assertIn(b" 200 ", other.recv(4096)[:20])
+        for stream in streams:
+            stream.close()
+
+        def has_place():
+            with connect() as stream:
+                stream.sendall(ask)
+                return b" 200 " in stream.recv(4096)[:20]
+        self.device.wait(has_place, "place after the others have gone")
+
     def test_metrics_are_prometheus_text(self):
         _, headers, body = self.device.request("GET", "/metrics")
         self.assertIn("version=0.0.4", headers["Content-Type"])
@@ -99,7 +126,7 @@ class Interface(unittest.TestCase):
         status, answer = self.device.post("/api/settings", {"hold_time": 300, "contact_off": 0.5}, token)
         self.assertEqual(status, 409)
         self.assertIn("exception 3", answer["error"])
-        for wrong in ({"hold_time": 20000}, {"hold_time": "x"}, {"after_hold": "maybe"}, {"nonsense": 1}, {"hold_time": None}, {}):
+        for wrong in ({"hold_time": 20000}, {"hold_time": 0.4}, {"word_order": 0.7}, {"hold_time": "x"}, {"after_hold": "maybe"}, {"nonsense": 1}, {"hold_time": None}, {}):
             self.assertEqual(self.device.post("/api/settings", wrong, token)[0], 400, wrong)
         now = self.device.get("/api/export")[1]["settings"]
         self.assertEqual((now["contact_on"], now["contact_off"], now["hold_time"]), (0.05, 0.03, before["hold_time"]))
@@ -119,6 +146,37 @@ class Interface(unittest.TestCase):
         self.assertEqual(self.device.post("/api/recordings/delete", {"name": name}, self.device.unlock())[0], 200)
         self.assertEqual(self.device.get("/api/recordings")[1]["sessions"], [])
 
+    def test_a_recording_that_runs_is_not_deleted_however_long_the_measuring_program_hangs(self):
+        token = self.device.unlock()
+        self.assertEqual(self.device.order("record", token), "done")
+        session = self.device.wait(lambda: self.device.get("/api/recordings")[1]["sessions"], "recording")[0]["name"]
+        frames = Path(self.device.folder.name) / "recordings" / session / "frames.y4m"
+        self.device.firmware.send_signal(signal.SIGSTOP)
+        self.device.wait(frames.exists, "pictures")
+        os.utime(frames, (0, 0))  # as old as after any pause
+        status, answer = self.device.post("/api/recordings/delete", {"name": session}, self.device.unlock())
+        self.device.firmware.send_signal(signal.SIGCONT)
+        self.assertEqual(status, 503, answer)
+        self.device.wait(lambda: self.device.get("/api/state")[1].get("recording") == "recording", "state")
+        self.assertEqual(self.device.post("/api/recordings/delete", {"name": session}, self.device.unlock())[0], 409)
+        self.assertEqual(self.device.order("stop", self.device.unlock()), "done")
+        self.assertTrue(frames.exists())
+        self.device.wait(lambda: self.device.get("/api/recordings")[1]["sessions"][0]["complete"], "end of the recording")
+        self.assertEqual(self.device.post("/api/recordings/delete", {"name": session}, self.device.unlock())[0], 200)
+
+    def test_a_download_whose_recording_is_deleted_breaks_instead_of_looking_whole(self):
+        session = Path(self.device.folder.name) / "recordings" / "session-0099"
+        session.mkdir(parents=True)
+        (session / "frames.y4m").write_bytes(b"x" * 50_000_000)
+        (session / "session.toml").write_text("complete = true\n")
+        connection = http.client.HTTPConnection("127.0.0.1", self.device.page_port, timeout=30)
+        connection.request("GET", "/api/recordings/session-0099.tar")
+        answer = connection.getresponse()
+        answer.read(1000)
+        self.assertEqual(self.device.post("/api/recordings/delete", {"name": "session-0099"}, self.device.unlock())[0], 200)
+        with self.assertRaises(http.client.IncompleteRead):
+            answer.read()
+        connection.close()
 
     def test_a_picture_without_the_board_is_rejected_with_the_reason_and_can_be_removed(self):
         def settled():
@@ -131,6 +189,8 @@ class Interface(unittest.TestCase):
         self.assertNotIn("result", lens)
         self.assertEqual(self.device.post("/api/lens/use", {}, self.device.unlock())[0], 409)
         self.assertEqual(self.device.post("/api/lens/restore", {}, self.device.unlock())[0], 409)
+        for unknown in (-5, lens["views"][0]["id"] + 1, lens["views"][0]["id"] + (1 << 32), 1 << 63):
+            self.assertEqual(self.device.post("/api/lens/remove", {"id": unknown}, self.device.unlock())[0], 404, unknown)
         self.assertEqual(self.device.post("/api/lens/remove", {"id": lens["views"][0]["id"]}, self.device.unlock())[0], 200)
         self.assertEqual(self.device.wait(settled, "removal")["views"], [])
         self.assertIn(b"<svg", self.device.request("GET", "/api/lens/board.svg")[2][:200])
@@ -156,9 +216,10 @@ class LiveLens(unittest.TestCase):
             found = device.wait(result, "lens", 240)
             self.assertAlmostEqual(found["lens"][0], 490.7, delta=5)
             self.assertLess(found["rms_px"], 0.2)
-            self.assertEqual(device.post("/api/lens/use", {}, device.unlock())[0], 200)
-            device.wait(lambda: abs(lens_in_use() - 490.7) < 5, "restart with the lens")
-            self.assertEqual(device.post("/api/lens/restore", {}, device.unlock())[0], 200)
+            for path in ("use", "use", "restore"):  # what the first one replaced stays the former one
+                device.wait(lambda: device.post(f"/api/lens/{path}", {}, device.unlock())[0] == 200, path)  # busy while it restarts
+                if path == "use":
+                    device.wait(lambda: abs(lens_in_use() - 490.7) < 5, "restart with the lens")
             device.wait(lambda: lens_in_use() == 457, "restart with the former lens")
             self.assertEqual(device.post("/api/lens/restore", {}, device.unlock())[0], 200)
             device.wait(lambda: abs(lens_in_use() - 490.7) < 5, "restart with the measured lens again")
@@ -270,6 +331,11 @@ class Moving(unittest.TestCase):
         refused({"pack_checksum": "sha256:0"}, "pack_checksum: found")
         refused({"settings": {"hold_time": 1e6}}, "hold_time: found")
         refused({"zero": {"top": [1]}}, "zero.top")
+        far = {plate: [9.9] * 6 for plate in ("low", "middle", "top")}
+        refused({"zero": far}, "further from the finger's rest")
+        for focal in ("1e-300", "0.001"):
+            refused({"lens": re.sub(r"fx_fy_cx_cy = \[[^,]*", f"fx_fy_cx_cy = [{focal}", file["lens"])}, "fx")
+        refused({"settings": {name: value for name, value in file["settings"].items() if name != "hold_time"}}, "it lacks hold_time")
         refused({"mount": file["mount"].replace("position_mm = [", "position_mm = [9", 1)}, "another finger")
         self.assertEqual(list((Path(second.folder.name) / "measured").glob("*")), [])
         self.assertEqual(second.post("/api/import", file, second.unlock())[0], 200)
@@ -281,6 +347,61 @@ class Moving(unittest.TestCase):
         again = second.wait(lambda: (e := second.get("/api/export")[1]).get("zero") and e, "export")
         self.assertEqual({key: again[key] for key in ("settings", "zero", "lens", "mount")},
                          {key: file[key] for key in ("settings", "zero", "lens", "mount")})
+
+
+class Mending(unittest.TestCase):
+    """A device whose measuring program does not start because of a file that the page keeps."""
+
+    def test_restore_and_import_work_without_the_measuring_program_and_it_starts_again(self):
+        with Device(REST) as device:
+            file = device.get("/api/export")[1]
+            measured = Path(device.folder.name) / "measured"
+            measured.mkdir(exist_ok=True)
+            good, broken = file["lens"], re.sub(r"fx_fy_cx_cy = \[[^,]*", "fx_fy_cx_cy = [1e-300", file["lens"])
+
+            def stop(lens):
+                device.firmware.kill()
+                device.firmware.wait(10)
+                device.firmware.stderr.close()
+                (measured / "lens.toml").write_text(lens)
+                refused = subprocess.run([BINARIES / "finsightd", "--settings", device.settings, "--check"], capture_output=True, timeout=60)
+                self.assertEqual(refused.returncode, 2)
+                device.page.kill()  # it, too, must start
+                device.page.wait(10)
+                device.page.stderr.close()
+                device.start_page()
+
+            def mended(path, body):
+                status, answer = device.post(path, body, device.unlock())
+                self.assertEqual(status, 200, answer)
+                self.assertIn("from its next start on", answer["note"])
+                device.start_firmware()
+                device.wait(lambda: "status" in device.get("/api/state")[1], "state after its restart")
+            (measured / "lens.toml.former").write_text(good)
+            stop(broken)
+            mended("/api/lens/restore", {})
+            self.assertEqual((measured / "lens.toml").read_text(), good)
+            status, answer = device.post("/api/lens/restore", {}, device.unlock())
+            self.assertEqual(status, 409)
+            self.assertIn("cannot be used", answer["error"])
+            stop(broken)
+            mended("/api/import", file)
+            self.assertEqual(device.wait(lambda: device.get("/api/export")[1].get("lens"), "export"), good)
+
+    def test_a_restore_that_is_refused_changes_nothing(self):
+        with Device(REST) as device:
+            file = device.get("/api/export")[1]
+            measured = Path(device.folder.name) / "measured"
+            measured.mkdir(exist_ok=True)
+            (measured / "mount.toml.former").write_text(file["mount"])
+            (measured / "mount.toml").write_text("# another one\n" + file["mount"])
+            before = {path.name: path.read_text() for path in measured.iterdir()}
+            token = device.unlock()
+            device.post("/api/command", {"command": "zero"}, token)  # takes a second
+            status, answer = device.post("/api/mount/restore", {}, token)
+            self.assertEqual(status, 409, answer)
+            self.assertIn("exception 6", answer["error"])
+            self.assertEqual({path.name: path.read_text() for path in measured.iterdir()}, before)
 
 
 class Misuse(unittest.TestCase):
@@ -312,6 +433,12 @@ class Misuse(unittest.TestCase):
         for origin in ("http://evil.com", "null", "http://127.0.0.1", "http://127.0.0.1:1"):
             self.assertEqual(self.device.post("/api/unlock", body, Origin=origin)[0], 403, origin)
         self.assertEqual(self.device.post("/api/unlock", body, **{"Sec-Fetch-Site": "cross-site"})[0], 403)
+        for foreign in ({"Origin": "http://evil.com"}, {"Sec-Fetch-Site": "cross-site"}, {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "cors"}):
+            for path in ("/api/state", "/frame.jpg", "/"):
+                self.assertEqual(self.device.request("GET", path, headers=foreign)[0], 403, (path, foreign))
+        link = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
+        self.assertEqual(self.device.request("GET", "/", headers=link)[0], 200)
+        self.assertEqual(self.device.post("/api/unlock", body, **link)[0], 403)
         self.assertEqual(self.device.post("/api/unlock", body, **{"Content-Type": "text/plain"})[0], 415)
         self.assertEqual(self.device.post("/api/unlock", body, Origin=f"http://{own}")[0], 200)
         headers = self.device.request("GET", "/")[1]
@@ -335,7 +462,7 @@ class Misuse(unittest.TestCase):
     def test_paths_lead_nowhere_but_to_the_page(self):
         for path in ("/../../etc/passwd", "/%2e%2e/%2e%2e/etc/passwd", "/api/recordings/../state.toml", "/api/recordings/..%2fstate.tar",
                      "/api/recordings/session-0001/../../state.toml.tar", "/api/recordings/.tar", "//etc/passwd", "/index.html/..", "/app.js/",
-                     "/api", "/%", "/" + "a" * 4000):
+                     "/api", "/%", "/%00", "/index.html%00", "/api/state%00x", "/" + "a" * 4000):
             self.assertIn(self.device.request("GET", path)[0], (400, 404), path)
         token = self.device.unlock()
         for name in ("..", "../measured", "session-0001/..", "", "session-9999", None, 7, "session-1\0"):
@@ -491,6 +618,10 @@ class Misuse(unittest.TestCase):
         self.device.firmware.wait(10)
         self.device.firmware.stderr.close()
         self.assertIn("does not answer", self.device.wait(lambda: self.device.get("/api/state")[1].get("error"), "error"))
+        for path in ("/api/state", "/metrics"):
+            status, _, body = self.device.request("GET", path)
+            self.assertEqual(status, 503, path)
+            self.assertIn("does not answer", json.loads(body)["error"])
         self.assertEqual(self.device.post("/api/command", {"command": "zero"}, self.device.unlock())[0], 503)
         self.assert_works()
         self.device.start_firmware()
