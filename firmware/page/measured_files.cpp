@@ -2,7 +2,6 @@
 
 #include <fstream>
 #include <iterator>
-#include <ranges>
 #include <system_error>
 #include <utility>
 
@@ -30,7 +29,7 @@ class Renames {
   }
   void undo() {
     std::error_code ignored;
-    for (const auto& [from, to] : std::views::reverse(done_)) fs::rename(to, from, ignored);
+    for (auto it = done_.rbegin(); it != done_.rend(); ++it) fs::rename(it->second, it->first, ignored);
     done_.clear();
   }
 
