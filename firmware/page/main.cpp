@@ -12,7 +12,7 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <memory>
+#include <future>
 #include <string>
 #include <thread>
 #include <vector>
@@ -152,13 +152,26 @@ class FingerPage {
   std::int64_t registers_ns_ = 0, closed_ns_ = 0;
 };
 
-void serve(const std::vector<Settings>& fingers) {
-  std::vector<std::unique_ptr<FingerPage>> pages;
-  for (const Settings& finger : fingers) pages.push_back(std::make_unique<FingerPage>(finger, fingers));
-  while (!stop_requested) {
-    std::this_thread::sleep_for(kEvery);
-    for (const auto& page : pages) page->look(steady_now_ns());
+void serve_one(const Settings& finger, const std::vector<Settings>& fingers) {
+  try {
+    FingerPage page(finger, fingers);
+    while (!stop_requested) {
+      std::this_thread::sleep_for(kEvery);
+      page.look(steady_now_ns());
+    }
+  } catch (...) {
+    stop_requested = true;  // of the others, too
+    throw;
   }
+}
+
+/// Each page on a thread of its own: it may wait more than a second for its finger's answer.
+void serve(const std::vector<Settings>& fingers) {
+  std::vector<std::future<void>> pages;
+  for (const Settings& finger : fingers) {
+    pages.push_back(std::async(std::launch::async, [&finger, &fingers] { serve_one(finger, fingers); }));
+  }
+  for (auto& page : pages) page.get();
 }
 
 }  // namespace
