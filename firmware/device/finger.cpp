@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -24,20 +25,24 @@ Model tested_model(const Settings& settings) {
 }
 
 /// What was imported on the page takes the place of what was saved. A file that cannot be used is put aside.
-void take_imported(const Settings& settings, const ZeroBasis& basis) {
-  if (!settings.page || settings.page->measured.empty() || settings.saved_state.empty()) return;
+/// Returns why an import has to wait for the next start: there is no room. Empty: it does not.
+std::string take_imported(const Settings& settings, const ZeroBasis& basis) {
+  if (!settings.page || settings.page->measured.empty() || settings.saved_state.empty()) return "";
   const std::filesystem::path file = settings.page->measured / kImportedState;
   try {
-    if (!std::filesystem::is_regular_file(file)) return;
+    if (!std::filesystem::is_regular_file(file)) return "";
     const std::optional<LoadedState> imported = load_state(file, &basis);
-    if (!imported) return;
+    if (!imported) return "";
     if (!imported->problem.empty()) throw InputError(imported->problem, "nothing of the import is used");
     save_state(settings.saved_state, imported->state, basis);
     log_message(settings.name, "settings and zero were imported on the page");
   } catch (const InputError& error) {
     log_message(settings.name, error.what());
+  } catch (const std::system_error& error) {
+    return std::string(error.what()) + "; the settings and the zero that were imported wait for the next start";
   }
   std::filesystem::remove(file);
+  return "";
 }
 
 LoopSettings loop_settings_of(const Settings& settings, const Model& model, const std::optional<SessionInfo>& images) {
@@ -53,8 +58,9 @@ LoopSettings loop_settings_of(const Settings& settings, const Model& model, cons
 }
 
 /// Without a sensor there is no finger that a zero could belong to.
-LoadedState saved_state_of(const Settings& settings, const ZeroBasis* basis) {
+LoadedState saved_state_of(const Settings& settings, const ZeroBasis* basis, const std::string& waiting = "") {
   LoadedState saved = load_state_or_factory(settings.saved_state, basis, settings.loop.runtime);
+  if (saved.problem.empty()) saved.problem = waiting;
   if (!saved.problem.empty()) log_message(settings.name, saved.problem);
   return saved;
 }
@@ -72,7 +78,7 @@ Sensor::Sensor(const Settings& settings, bool takes_import)
       loop(model, images ? std::optional(images->lens) : std::nullopt, loop_settings),
       source(open_source(settings, images)),
       basis{model.checksum, poses_of(loop_settings.mount.value_or(model.mount)), model.touch.threshold_mm},
-      saved((takes_import ? take_imported(settings, basis) : void(), saved_state_of(settings, &basis))) {
+      saved(saved_state_of(settings, &basis, takes_import ? take_imported(settings, basis) : "")) {
   if (!saved.problem.empty()) loop.set_lasting_fault(FaultCode::kSavedSettings);
 }
 

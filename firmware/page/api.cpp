@@ -219,7 +219,11 @@ Answer Api::stored(const std::function<std::optional<Refusal>(const Restart&)>& 
 
 json Api::diagnostics() {
   json about = json_body(device_.about());
-  if (about.is_object()) about.erase("surface");
+  if (about.is_object()) {
+    about.erase("surface");
+  } else {
+    about = nullptr;
+  }
   json file = {{"finsight_diagnostics", 1},
                {"about", about},
                {"registers", device_.values()},

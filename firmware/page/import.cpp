@@ -84,8 +84,8 @@ std::string absent_in(const json& file) {
   const auto need = [&](const json& table, const char* name) {
     if (!table.contains(name)) names += (names.empty() ? "" : ", ") + std::string(name);
   };
-  for (const char* part : {"lens", "mount", "fit", "zero"}) need(file, part);
-  for (int i = 0; i < kSettingCount; ++i) {
+  for (const char* part : {"settings", "lens", "mount", "fit", "zero"}) need(file, part);
+  for (int i = 0; i < kSettingCount && file.contains("settings"); ++i) {
     if (setting_row(i).writable) need(file["settings"], setting_row(i).name);
   }
   return names;
@@ -148,11 +148,13 @@ std::optional<Refusal> read_import(const json& file, const FingerAtStart& finger
     return Refusal{409, "pack_checksum: found " + shown(checksum) + " (model " + shown(name) + "), expected \"" + own +
                             "\" (" + finger.model_name + "): the file is of a device with another model pack."};
   }
-  SettingsWords words;
-  if (auto refusal = apply_settings(file.value("settings", json()), words)) return refusal;
+  if (file.contains("settings") && !file["settings"].is_object())
+    return Refusal{400, "settings: expected {name: value}."};
   if (const std::string absent = absent_in(file); !absent.empty()) {
     return Refusal{400, "The file is not complete: it lacks " + absent + "."};
   }
+  SettingsWords words;
+  if (auto refusal = apply_settings(file["settings"], words)) return refusal;
   const RuntimeSettings settings = settings_of(words);
   if (!are_valid(settings)) return Refusal{400, "settings: an \"on\" threshold is not above its \"off\" threshold."};
   try {

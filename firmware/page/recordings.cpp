@@ -14,6 +14,9 @@ namespace finsight::page {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::chrono::seconds kBegins(2);  // what is this young is being written, whatever the registers still say
+
 bool says_complete(const fs::path& session) {
   std::ifstream in(session / "session.toml");
   for (std::string line; std::getline(in, line);) {
@@ -81,7 +84,10 @@ std::optional<Refusal> Recordings::remove(const std::string& name, std::optional
     if (!is_recording) {
       return Refusal{503, "The measuring program does not answer, so it may still be writing this recording."};
     }
-    if (*is_recording && list()[0]["name"] == name) return Refusal{409, "This recording is still running."};
+    const bool has_just_begun = fs::file_time_type::clock::now() - fs::last_write_time(folder_ / name, error) < kBegins;
+    if (has_just_begun || (*is_recording && list()[0]["name"] == name)) {
+      return Refusal{409, "This recording is still running."};
+    }
   }
   fs::remove_all(folder_ / name, error);
   if (error) return Refusal{500, "It cannot be deleted: " + error.message() + "."};

@@ -180,6 +180,10 @@ TEST_CASE("import: a file that lacks something is refused, naming all of it") {
   file["settings"].erase("hold_time");
   for (const char* part : {"lens", "zero"}) file.erase(part);
   CHECK(refusal(file) == "The file is not complete: it lacks lens, zero, hold_time.");
+  file.erase("settings");
+  CHECK(refusal(file) == "The file is not complete: it lacks settings, lens, zero.");
+  file["settings"] = 7;
+  CHECK(refusal(file) == "settings: expected {name: value}.");
 }
 
 TEST_CASE("import: a mount that is near enough only before it is rounded is refused") {

@@ -65,7 +65,8 @@ TEST_CASE("recordings: one is deleted, but not while it runs") {
   make_session(folder.path(), "session-0001", 10);
   const Recordings recordings(folder.path());
   std::ofstream(folder / "session-0001/session.toml") << "complete = false\n";
-  fs::last_write_time(folder / "session-0001/frames.y4m", fs::file_time_type::clock::now() - std::chrono::minutes(1));
+  CHECK(recordings.remove("session-0001", false)->status == 409);  // it has begun before the register says so
+  fs::last_write_time(folder / "session-0001", fs::file_time_type::clock::now() - std::chrono::minutes(1));
   CHECK(recordings.remove("session-0001", true)->status == 409);
   CHECK(recordings.remove("session-0001", std::nullopt)->status == 503);
   CHECK_FALSE(recordings.remove("session-0001", false));
@@ -79,6 +80,7 @@ TEST_CASE("recordings: while one runs, complete ones and those that were cut off
   for (const char* name : {"session-0001", "session-0002", "session-0003"}) make_session(folder.path(), name, 10);
   for (const char* name : {"session-0001", "session-0003"})
     std::ofstream(folder / name / "session.toml") << "complete = false\n";
+  fs::last_write_time(folder / "session-0001", fs::file_time_type::clock::now() - std::chrono::minutes(1));
   const Recordings recordings(folder.path());
   CHECK_FALSE(recordings.remove("session-0001", true));
   CHECK_FALSE(recordings.remove("session-0002", std::nullopt));

@@ -228,6 +228,9 @@ class Page(unittest.TestCase):
             self.assertIn("Check the cable", browser.text(".why"))
             self.assertEqual(browser.driver.find_element(By.CSS_SELECTOR, ".view canvas").value_of_css_property("opacity"), "0.3")
             self.assertEqual({tile.text for tile in browser.driver.find_elements(By.CSS_SELECTOR, ".tile .value span:first-child")}, {"–"})
+            browser.click("Zero now" if browser.text(".why").count("Zero now") else "Unlock")
+            browser.unlock()
+            self.said(browser, "dialog", "does not answer")  # and is not done later
         finally:
             device.page.send_signal(signal.SIGCONT)
         browser.wait(lambda d: browser.text(".pill") != "No connection" and browser.text(RATE) != "–", "the frame rate again")
@@ -342,6 +345,22 @@ class Page(unittest.TestCase):
         self.assertLessEqual(wide, 0, "the widest words of the header")
         SHOTS.mkdir(exist_ok=True)
         browser.driver.save_screenshot(str(SHOTS / "live-narrow.png"))
+        browser.open(device, "settings")
+        for name in ("Apply changes", "Save in the device"):
+            on_top = browser.driver.execute_script(
+                "const b = [...document.querySelectorAll('button')].find((b) => b.textContent === arguments[0]), r = b.getBoundingClientRect(); "
+                "return b.contains(document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2))", name)
+            self.assertTrue(on_top, f"{name} can be tapped")
+
+    def test_the_focus_is_kept_and_the_address_leads_within_the_set_up(self):
+        device, browser = self.device(REST), self.browser()
+        browser.open(device, "setup/zero")
+        button = browser.wait(lambda d: [b for b in d.find_elements(By.TAG_NAME, "button") if b.text == "Zero now"], "the button")[0]
+        button.send_keys(Keys.ENTER)
+        browser.wait(lambda d: d.find_elements(By.ID, "key"), "the question for the key")[0].send_keys(Keys.ESCAPE)
+        browser.wait(lambda d: d.switch_to.active_element.text == "Zero now", "the focus back on the button")
+        browser.driver.execute_script("location.hash = '#setup/lens'")
+        browser.wait(lambda d: d.find_element(By.CSS_SELECTOR, ".steps [aria-current]").text.endswith("Lens"), "the step of the address")
 
     def test_swapped_markers_are_named_and_where_to_mend_them(self):
         device, browser = self.device(WORK / "swapped"), self.browser()

@@ -25,9 +25,12 @@ nav.append(...links);
 
 let current = null, name = "";
 function show() {
-  const wanted = location.hash.slice(1).split("/")[0];
+  const [wanted, part] = location.hash.slice(1).split("/");
   const next = pages[wanted] ? wanted : "live";
-  if (next === name && current) return;
+  if (next === name && current) {
+    current.goTo?.(part);
+    return;
+  }
   current?.leave?.();
   name = next;
   links.forEach((a) => (a.getAttribute("href") === `#${name}` ? a.setAttribute("aria-current", "page") : a.removeAttribute("aria-current")));

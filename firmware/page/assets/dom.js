@@ -13,6 +13,17 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** What a button began is under way. The focus, which a disabled button loses, comes back to it unless it has gone elsewhere. */
+export async function busy(button, task) {
+  button.disabled = true;
+  try {
+    return await task();
+  } finally {
+    button.disabled = false;
+    if (document.activeElement === document.body) button.focus();
+  }
+}
+
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

@@ -115,7 +115,7 @@ export const text = {
 
   recordings: {
     title: "Recordings", start: "Start recording", stop: "Stop", state: {idle: "Idle", recording: "Recording", failed: "The last recording failed (disk error)", full: "The last recording ended: full"},
-    left: (mb) => `${mb} MB left`, not_configured: "Recording is not configured: the board file names no folder ([storage], recordings).",
+    left: (mb) => `${mb} MB left`, no_room: "No room left: delete recordings", not_configured: "Recording is not configured: the board file names no folder ([storage], recordings).",
     none: "Nothing recorded yet.", name: "Name", size: "Size", when: "Last change", complete: "Complete", cut: "cut off", yes: "yes",
     download: "Download", remove: "Delete", ask: (name) => `Delete ${name}? It cannot be brought back.`, removed: (name) => `${name} deleted.`,
     note: "A recording holds the pictures (Y4M, any video player shows them), the lens and the published registers. finsightd replays it like a camera.",

@@ -20,7 +20,10 @@ export function recordingsPage() {
       h("td", {}, new Date(s.changed_s * 1000).toLocaleString()), h("td", {}, s.complete ? t.yes : t.cut),
       h("td", {}, h("div", {class: "row end"}, h("a", {class: "button", href: `/api/recordings/${s.name}.tar`, download: `${s.name}.tar`}, t.download),
         h("button", {class: "danger", "aria-label": `${t.remove} ${s.name}`, onclick: async () => {
-          if (confirm(t.ask(s.name)) && await change("/api/recordings/delete", {name: s.name}, t.removed(s.name))) list();
+          if (confirm(t.ask(s.name)) && await change("/api/recordings/delete", {name: s.name}, t.removed(s.name))) {
+            await list();
+            document.getElementById("main").focus();
+          }
         }}, t.remove)))));
     body.replaceChildren(h("div", {class: "scroll", tabIndex: 0, role: "region", "aria-label": t.title}, h("table", {}, h("thead", {}, h("tr", {}, h("th", {scope: "col"}, t.name), h("th", {scope: "col", class: "number"}, t.size),
       h("th", {scope: "col"}, t.when), h("th", {scope: "col"}, t.complete), h("th", {scope: "col"}, h("span", {hidden: true}, t.download)))), h("tbody", {}, rows))));
@@ -30,8 +33,8 @@ export function recordingsPage() {
     state.className = `pill ${now === "recording" ? "bad" : now === "failed" ? "warn" : ""}`;
     setText(state, now === "recording" ? `${t.state.recording} · ${device.registers.value("recording_s")} s` : t.state[now] ?? now ?? text.unknown);
     const mb = device.registers.value("recording_mb_left");
-    setText(left, mb === null ? "" : t.left(mb));
-    start.disabled = now === null || now === "recording";
+    setText(left, mb === null ? "" : mb === 0 ? t.no_room : t.left(mb));
+    start.disabled = now === null || now === "recording" || mb === 0;
     stop.disabled = now !== "recording";
     if (now !== was) { was = now; list(); }
   }

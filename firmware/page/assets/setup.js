@@ -1,7 +1,7 @@
 // From the box to a sensor that measures, step by step.
 import {device, hasPicture, isKnown, isLive, order} from "./device.js";
 import {text} from "./text.js";
-import {card, h, icon, setText} from "./dom.js";
+import {busy, card, h, icon, setText} from "./dom.js";
 import {CameraView} from "./camera.js";
 import {WhyList, nothingKnown, pictureReasons, softEdge} from "./why.js";
 import {lensStep} from "./setup_lens.js";
@@ -67,7 +67,7 @@ function cameraStep() {
     const placed = frame.corners.every((corners, i) => corners &&
       Math.hypot(mean(corners, 0) - mean(markers[i].rest_px, 0), mean(corners, 1) - mean(markers[i].rest_px, 1)) <
       Math.hypot(markers[i].rest_px[0][0] - markers[i].rest_px[1][0], markers[i].rest_px[0][1] - markers[i].rest_px[1][1]));
-    list.show([...[0, 1, 2].map((i) => [Boolean(frame.seen[i]), (frame.seen[i] ? t.seen : t.not_seen)(text.plates[i])]),
+    list.show([...[0, 1, 2].map((i) => [Boolean(frame.corners[i]), (frame.corners[i] ? t.seen : t.not_seen)(text.plates[i])]),
       [placed, placed ? t.placed : t.not_placed], [sharpEnough, sharpEnough === null ? t.focus : sharpEnough ? t.focus_ok : t.focus_bad],
       isSeen ? [!dark && !white, dark ? t.dark : white ? t.white : t.light_ok] : [null, t.light]]);
   }
@@ -79,7 +79,7 @@ function cameraStep() {
 
 function zeroStep() {
   const t = text.setup.zero, list = checks(2), why = new WhyList();
-  const go = h("button", {class: "main", onclick: async () => { go.disabled = true; await order("zero"); go.disabled = false; }}, t.go);
+  const go = h("button", {class: "main", onclick: () => busy(go, () => order("zero"))}, t.go);
   const camera = new CameraView();
   return {element: h("div", {class: "two"}, card(t.title, go, h("div", {class: "body"}, h("p", {}, t.text), list.element, h("p"), why.element)),
                      card(text.live.camera, null, camera.element)),
@@ -124,9 +124,14 @@ export function setupPage() {
     step.update?.();
     back.disabled = at === 0;
     next.hidden = at === names.length - 1;
+    if (document.activeElement === document.body) (next.hidden ? back : next).focus();
   }
   go(Math.max(0, names.indexOf(location.hash.split("/")[1])));
   return {element: h("div", {}, h("h1", {}, t.title), h("ol", {class: "steps"}, buttons.map((b) => h("li", {}, b))), body,
                      h("div", {class: "row spread"}, back, next)),
-          update: (what) => step.update?.(what), leave: () => step.leave?.()};
+          update: (what) => step.update?.(what), leave: () => step.leave?.(),
+          goTo(name) {
+            if (names.includes(name)) go(names.indexOf(name));
+            else history.replaceState(null, "", `#setup/${names[at]}`);
+          }};
 }

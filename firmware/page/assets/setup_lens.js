@@ -29,6 +29,7 @@ export function lensStep() {
     busy = false;
     if (good && now.error && !body.only_still) toast(now.error, "bad");
     if (!stopped) show();
+    if (!body.only_still && document.activeElement === document.body) capture.focus();  // a disabled button loses it
     return good;
   }
   const capture = h("button", {class: "main", onclick: () => act("/api/lens/capture")}, t.capture);

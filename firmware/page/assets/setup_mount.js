@@ -1,7 +1,7 @@
 // The finger at rest -> where camera and markers really are, computed on the device.
 import {device, change, get} from "./device.js";
 import {text} from "./text.js";
-import {card, h, setText, table, toast} from "./dom.js";
+import {busy, card, h, setText, table, toast} from "./dom.js";
 import {CameraView} from "./camera.js";
 import {WhyList, pictureReasons} from "./why.js";
 
@@ -9,10 +9,9 @@ export function mountStep() {
   const t = text.setup.mount, result = h("div"), why = new WhyList(pictureReasons);
   const camera = new CameraView({places: true});
   let now = {};
-  const measure = h("button", {class: "main", onclick: async () => {
+  const measure = h("button", {class: "main", onclick: () => busy(measure, async () => {
     now = {};  // the last result says nothing about this one
     show();
-    measure.disabled = true;
     setText(measure, t.measuring);
     await change("/api/mount/measure", {});
     while (!stopped) {
@@ -22,8 +21,7 @@ export function mountStep() {
     }
     if (now.error) toast(now.error, "bad");
     setText(measure, t.measure);
-    measure.disabled = false;
-  }}, t.measure);
+  })}, t.measure);
   let stopped = false;
   const use = async (path, done) => { await change(path, {}, done); refresh(); };
 

@@ -1,7 +1,7 @@
 // Known weights: readings against them, recordings for a fit, and what fit and certificate say.
 import {change, device, get, isKnown, listen, order} from "./device.js";
 import {text} from "./text.js";
-import {card, fileButton, h, saveCsv, setText, table, toast} from "./dom.js";
+import {busy, card, fileButton, h, saveCsv, setText, table, toast} from "./dom.js";
 
 const kNewtonPerGram = 9.80665e-3, kReading_ms = 2000;
 const day = (d) => new Date(Date.UTC(2000, 0, 1) + d * 864e5).toISOString().slice(0, 10);
@@ -31,9 +31,7 @@ export function weightsStep() {
 
   const take = h("button", {class: "main", onclick: async () => {
     if (!isValid()) return;
-    take.disabled = true;
-    const seen = await reading();
-    take.disabled = false;
+    const seen = await busy(take, reading);
     if (!seen) { toast(t.no_touch, "bad"); return; }
     readings.push({hole: hole.value, mass: mass.value, ...seen});
     show();

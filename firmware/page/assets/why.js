@@ -74,7 +74,9 @@ export function reasons() {
     const soft = hasPicture() && edge > softEdge();
     // A picture in which nothing can be found hides markers, too: nothing covers them.
     const blind = soft || pictureFault.test(fault ?? "");
-    found.push(...markerProblems(device.frame).filter((f) => !(blind && f.hidden)).map((f) => ({...f, picture: true})));
+    // A camera that repeats itself says nothing of the markers now.
+    const markers = /^camera_/.test(fault ?? "") ? [] : markerProblems(device.frame);
+    found.push(...markers.filter((f) => !(blind && f.hidden)).map((f) => ({...f, picture: true})));
     if (soft && fault !== "image_out_of_focus") found.push({level: "warn", picture: true, say: text.why.unsharp(edge.toFixed(1))});
   } else if (device.blockError && !(fault && fault !== "none")) {
     found.push({level: "warn", picture: true, say: text.why.no_block(device.blockError)});
