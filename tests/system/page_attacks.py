@@ -329,7 +329,7 @@ class Moving(unittest.TestCase):
             self.assertIn(status, (400, 409), answer)
             self.assertIn(words, answer["error"])
         refused({"pack_checksum": "sha256:0"}, "pack_checksum: found")
-        refused({"settings": {"hold_time": 1e6}}, "hold_time: found")
+        refused({"settings": file["settings"] | {"hold_time": 1e6}}, "hold_time: found")
         refused({"zero": {"top": [1]}}, "zero.top")
         far = {plate: [9.9] * 6 for plate in ("low", "middle", "top")}
         refused({"zero": far}, "further from the finger's rest")
