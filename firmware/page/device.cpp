@@ -163,6 +163,7 @@ json Device::settings_json() {
 
 std::string Device::about() {
   const std::lock_guard guard(block_mutex_);
+  looked_ns_ = 0;  // an export must be of the finsightd that runs now, not of the one before its restart
   const BlockReader* block = reader();
   return block ? block->contents().about : "";
 }

@@ -27,6 +27,7 @@ try:
     from selenium.webdriver.chrome.options import Options
     from selenium.webdriver.chrome.service import Service
     from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
     from selenium.webdriver.support.ui import WebDriverWait
 except ImportError:
     webdriver = None
@@ -196,7 +197,8 @@ class Page(unittest.TestCase):
         self.said(browser, "#toasts", "00000000")
         choose(".toml", "fit.toml")
         device.wait(lambda: device.get("/api/state")[1].get("force_scale") == 1.125, "restart with the fit", PATIENCE_S)
-        self.assertEqual(device.get("/api/export")[1]["fit"].splitlines()[1], "date = 20261123")
+        fit = device.wait(lambda: device.get("/api/export")[1].get("fit"), "the fit in the export", PATIENCE_S)
+        self.assertEqual(fit.splitlines()[1], "date = 20261123")
         choose(".json", "certificate.json")
         device.wait(lambda: device.get("/api/state")[1].get("verdict") == "passed", "the verdict", PATIENCE_S)
         browser.wait(lambda d: "2026-11-23: passed" in browser.text(), "the day of the verification")
