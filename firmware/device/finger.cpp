@@ -24,8 +24,8 @@ Model tested_model(const Settings& settings) {
   return model;
 }
 
-/// What was imported on the page takes the place of what was saved. A file that cannot be used is put aside.
-/// Returns why an import has to wait for the next start: there is no room. Empty: it does not.
+/// What was imported on the page takes the place of what was saved. A file that cannot be used is deleted; one that
+/// finds no room waits for the next start. Returns why it has to wait, empty if it does not.
 std::string take_imported(const Settings& settings, const ZeroBasis& basis) {
   if (!settings.page || settings.page->measured.empty() || settings.saved_state.empty()) return "";
   const std::filesystem::path file = settings.page->measured / kImportedState;

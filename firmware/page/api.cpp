@@ -83,9 +83,12 @@ Answer Api::get(const Request& request) {
   }
   if (path == "/frame.jpg") return picture();
   if (path == "/shape.bin") return shape();
-  if (path == "/metrics") return metrics();
+  if (path == "/metrics") {
+    return of_values(
+        [](const json& values) { return Answer{.type = "text/plain; version=0.0.4", .body = metrics_text(values)}; });
+  }
   if (path == "/api/events") return {.is_event_stream = true};
-  if (path == "/api/state") return state();
+  if (path == "/api/state") return of_values(json_answer);
   if (path == "/api/registers") return {.body = table_};
   if (path == "/api/fingers") return {.body = fingers_};
   if (path == "/api/about") {
@@ -125,15 +128,10 @@ Answer Api::get(const Request& request) {
   return not_found();
 }
 
-Answer Api::state() {
+/// Made of the registers' values, or why there are none.
+Answer Api::of_values(Answer (*answer)(const json& values)) {
   const json values = device_.values();
-  return values.contains("error") ? refused({503, text_of(values, "error")}) : json_answer(values);
-}
-
-Answer Api::metrics() {
-  const json values = device_.values();
-  if (values.contains("error")) return refused({503, text_of(values, "error")});
-  return {.type = "text/plain; version=0.0.4", .body = metrics_text(values)};
+  return values.contains("error") ? refused({503, text_of(values, "error")}) : answer(values);
 }
 
 Answer Api::picture() {

@@ -43,8 +43,7 @@ class Api {
   Answer unlock(const Request& request, const nlohmann::json& body);
   Answer picture();
   Answer shape();
-  Answer state();
-  Answer metrics();
+  Answer of_values(Answer (*answer)(const nlohmann::json& values));
   Answer export_all();
   Answer import_all(const nlohmann::json& file);
   nlohmann::json diagnostics();

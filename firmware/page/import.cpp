@@ -85,7 +85,8 @@ std::string absent_in(const json& file) {
     if (!table.contains(name)) names += (names.empty() ? "" : ", ") + std::string(name);
   };
   for (const char* part : {"settings", "lens", "mount", "fit", "zero"}) need(file, part);
-  for (int i = 0; i < kSettingCount && file.contains("settings"); ++i) {
+  if (!file.contains("settings")) return names;
+  for (int i = 0; i < kSettingCount; ++i) {
     if (setting_row(i).writable) need(file["settings"], setting_row(i).name);
   }
   return names;
@@ -101,8 +102,9 @@ std::vector<PartText> checked(const json& file, const FingerAtStart& finger, con
   if (!file["lens"].is_null()) add(Part::kLens, lens_text(check_lens_text(text_in(file, "lens"), "lens", finger)));
   MeasuredMount mount = poses_of(finger.mount);
   if (!file["mount"].is_null()) {
-    add(Part::kMount, measured_mount_toml(check_mount_text(text_in(file, "mount"), "mount", finger)));
-    mount = check_mount_text(import.back().text, "mount", finger);
+    const std::string text = measured_mount_toml(check_mount_text(text_in(file, "mount"), "mount", finger));
+    mount = check_mount_text(text, file_of(Part::kMount), finger);
+    import.push_back({Part::kMount, text});
   }
   if (!file["fit"].is_null()) add(Part::kFit, measured_fit_toml(check_fit_text(text_in(file, "fit"), "fit", finger)));
   const Zero zero = zero_in(file);

@@ -13,14 +13,19 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** What a button began is under way. The focus, which a disabled button loses, comes back to it unless it has gone elsewhere. */
+/** A button that is disabled or hidden loses the focus. This one gets it unless it has gone elsewhere. */
+export function keepFocus(button) {
+  if (document.activeElement === document.body) button.focus();
+}
+
+/** What a button began is under way. */
 export async function busy(button, task) {
   button.disabled = true;
   try {
     return await task();
   } finally {
     button.disabled = false;
-    if (document.activeElement === document.body) button.focus();
+    keepFocus(button);
   }
 }
 

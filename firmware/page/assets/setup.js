@@ -1,7 +1,7 @@
 // From the box to a sensor that measures, step by step.
 import {device, hasPicture, isKnown, isLive, order} from "./device.js";
 import {text} from "./text.js";
-import {busy, card, h, icon, setText} from "./dom.js";
+import {busy, card, h, icon, keepFocus, setText} from "./dom.js";
 import {CameraView} from "./camera.js";
 import {WhyList, nothingKnown, pictureReasons, softEdge} from "./why.js";
 import {lensStep} from "./setup_lens.js";
@@ -124,7 +124,7 @@ export function setupPage() {
     step.update?.();
     back.disabled = at === 0;
     next.hidden = at === names.length - 1;
-    if (document.activeElement === document.body) (next.hidden ? back : next).focus();
+    keepFocus(next.hidden ? back : next);
   }
   go(Math.max(0, names.indexOf(location.hash.split("/")[1])));
   return {element: h("div", {}, h("h1", {}, t.title), h("ol", {class: "steps"}, buttons.map((b) => h("li", {}, b))), body,

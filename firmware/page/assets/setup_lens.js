@@ -1,7 +1,7 @@
 // Pictures of a ChArUco board -> the lens, computed on the device.
 import {device, change, get} from "./device.js";
 import {text} from "./text.js";
-import {card, h, notice, setText, toast} from "./dom.js";
+import {card, h, keepFocus, notice, setText, toast} from "./dom.js";
 import {CameraView} from "./camera.js";
 import {WhyList, nothingKnown} from "./why.js";
 
@@ -29,7 +29,7 @@ export function lensStep() {
     busy = false;
     if (good && now.error && !body.only_still) toast(now.error, "bad");
     if (!stopped) show();
-    if (!body.only_still && document.activeElement === document.body) capture.focus();  // a disabled button loses it
+    if (!body.only_still) keepFocus(capture);
     return good;
   }
   const capture = h("button", {class: "main", onclick: () => act("/api/lens/capture")}, t.capture);
