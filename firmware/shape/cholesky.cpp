@@ -19,6 +19,17 @@ namespace {
   throw InputError("Cholesky plan", field, std::to_string(found), expected);
 }
 
+// Asks for memory that will be needed soon, while there is still something else to compute. More than this would push
+// out of the second-level cache what is being worked on.
+constexpr std::size_t kPrefetchedBytes = 128 << 10, kCacheLine = 64;
+
+template <bool kForWriting, class T>
+void prefetch(const T* from, std::size_t count) {
+  const char* bytes = reinterpret_cast<const char*>(from);
+  const std::size_t size = std::min(count * sizeof(T), kPrefetchedBytes);
+  for (std::size_t k = 0; k < size; k += kCacheLine) __builtin_prefetch(bytes + k, kForWriting);
+}
+
 // Starts of ranges: first 0, ascending, last the number of what they point into.
 void check_starts(std::span<const std::int32_t> starts, std::size_t total, bool may_be_empty, const std::string& name) {
   if (starts.empty() || starts.front() != 0) refuse(name, starts.empty() ? -1 : starts.front(), "0 first");
@@ -230,6 +241,7 @@ bool Cholesky<S>::factor_fronts(bool and_solve_forward) {
     }
     if (!factor_panel(front)) return false;
     if (and_solve_forward) solve_forward(front);
+    if (&front != &fronts_.back()) prefetch_for_factor((&front)[1]);
     make_update(front);
     for (std::size_t c = front.children_begin; c < front.children_end; ++c) {
       const Front& child = fronts_[children_[c]];
@@ -238,6 +250,14 @@ bool Cholesky<S>::factor_fronts(bool and_solve_forward) {
     }
   }
   return usable_ = true;
+}
+
+template <class S>
+void Cholesky<S>::prefetch_for_factor(const Front& front) const {
+  const std::size_t entries = front.entries_end - front.entries_begin;
+  prefetch<true>(panel(front), static_cast<std::size_t>(front.stride) * front.columns);
+  prefetch<false>(values_.data() + 9 * front.entries_begin, 9 * entries);
+  prefetch<false>(entry_places_.data() + front.entries_begin, entries);
 }
 
 template <class S>

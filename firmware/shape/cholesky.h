@@ -78,6 +78,7 @@ class Cholesky {
   S* panel(const Front& front) { return reinterpret_cast<S*>(panels_.data()) + front.panel; }
   const S* panel(const Front& front) const { return reinterpret_cast<const S*>(panels_.data()) + front.panel; }
   S* update(const Front& front) { return reinterpret_cast<S*>(updates_.data()) + front.update; }
+  void prefetch_for_factor(const Front& front) const;
   void fill_panel(const Front& front);
   void add_child(const Front& child, std::size_t segments_begin, std::size_t segments_end, S* target, int stride,
                  int row_shift);
