@@ -24,6 +24,7 @@ from register_block import Reader
 
 try:
     from selenium import webdriver
+    from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
     from selenium.webdriver.chrome.options import Options
     from selenium.webdriver.chrome.service import Service
     from selenium.webdriver.common.by import By
@@ -67,7 +68,9 @@ class Browser:
         self.wait(lambda d: d.find_elements(By.CSS_SELECTOR, "main h1"), page)
 
     def wait(self, condition, what):
-        return WebDriverWait(self.driver, PATIENCE_S).until(condition, what)
+        # The page draws itself again while a condition reads it, so an element may be gone between finding and reading it.
+        redrawn = (NoSuchElementException, StaleElementReferenceException)
+        return WebDriverWait(self.driver, PATIENCE_S, ignored_exceptions=redrawn).until(condition, what)
 
     def text(self, selector="main"):
         return self.driver.find_element(By.CSS_SELECTOR, selector).text
