@@ -28,15 +28,21 @@ SKIPPED_PICTURES_COUNTS = 5
 FRAME_BY_ITSELF = '[shape]\ntier = "map+newton"\n'
 
 
-def start_by_parts(board, firmware_s, answer_s):
-    """Seconds of the way from power to the first answer, by the guest's clock, which begins with its kernel. The network:
-    what passes between the moment in which the firmware would answer and that in which somebody reaches it."""
+def start_moments(board):
+    """When the guest's services began, ours among them, and when that was ready: seconds after its kernel began. And how
+    long it is up."""
     _, said = board.shell("cut -d' ' -f1 /proc/uptime; systemctl show -P UserspaceTimestampMonotonic; "
                           "systemctl show -P ExecMainStartTimestampMonotonic finsightd; "
                           "systemctl show -P ActiveEnterTimestampMonotonic finsightd")
     up_s, *moments_us = (float(word) for word in said.split())
+    return [moment / 1e6 for moment in moments_us] + [up_s]
+
+
+def start_by_parts(board, firmware_s, answer_s):
+    """Seconds of the way from power to the first answer, by the guest's clock, which begins with its kernel. The network:
+    what passes between the moment in which the firmware would answer and that in which somebody reaches it."""
+    services_s, ours_s, ready_s, up_s = start_moments(board)
     kernel_at = time.monotonic() - board.switched_on - up_s  # on our clock
-    services_s, ours_s, ready_s = (moment / 1e6 for moment in moments_us)
     parts = {"firmware": firmware_s, "loader": kernel_at - firmware_s, "kernel": services_s,
              "services": ours_s - services_s, "ours": ready_s - ours_s, "network": answer_s - kernel_at - ready_s}
     return {name: round(seconds, 1) for name, seconds in parts.items()}
