@@ -265,7 +265,7 @@ json measure_fits(const Model& model, const FingerSpec& spec, const std::filesys
   std::vector<FingerResult> results(static_cast<std::size_t>(fingers));
   Progress progress("virtual fingers", results.size());
   parallel_for(results.size(), [&](std::size_t i) {
-    results[i] = run_finger(model, spec, first + i, 20);
+    results[i] = run_finger(model, spec, first + i, 16);
     progress.advance();
   });
   AllErrors all;

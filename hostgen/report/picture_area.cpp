@@ -10,6 +10,7 @@
 #include "hostgen/render/scenes.h"
 #include "hostgen/render/touch_path.h"
 #include "hostgen/report/areas.h"
+#include "hostgen/report/scene_cases.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {
@@ -22,11 +23,15 @@ constexpr double kFramesPerSecond = 60;
 constexpr std::uint64_t kSeed = 4343;
 constexpr int kZeroFrames = Zeroing::kMaxFrames + 1;
 constexpr float kFirm_mm = 4;  // plate motion
+// A touch of its own stands still for this many frames. The first and the last share their exposure with the touches
+// around it; the second is for the stages that follow markers from frame to frame; the third counts.
+constexpr std::size_t kHeldFrames = 4, kShownFrom = 1, kCounts = 2;
+constexpr std::uint32_t kBetweenTouches = 60;  // frames that the camera leaves out, so that no plate seems to be flung
 
 struct Picture {
   std::string name;
   ImageQuality quality;
-  bool fast = false;  ///< the touch moves three times as fast
+  bool fast = false;  ///< one touch wanders over the face, three times as fast as those of recordings
   bool readout_is_told = true;
 };
 
@@ -144,12 +149,20 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
   Score with_zero, without_zero, with_mount;
   for (std::size_t k = 0; k < states.size(); ++k) {
     if (interrupted()) throw Interrupted();
+    progress.advance();
+    const std::size_t held = k % kHeldFrames;
+    if (!picture.fast && held == 0) number += kBetweenTouches;
+    if (!picture.fast && (held < kShownFrom || held > kCounts)) continue;
     render_frame(renderer, scenes, k, quality.readout_s, grey);
     const Frame frame = frame_of(grey, camera, number++, quality.srgb);
-    if (is_zeroed) with_zero.add(zeroed.step(frame), states[k]);
-    without_zero.add(unzeroed.step(frame), states[k]);
-    if (mounted) with_mount.add(mounted->step(frame), states[k]);
-    progress.advance();
+    const bool counts = picture.fast || held == kCounts;
+    const auto step = [&](FrameLoop& loop, Score& score) {
+      const RegisterImage& image = loop.step(frame);
+      if (counts) score.add(image, states[k]);
+    };
+    if (is_zeroed) step(zeroed, with_zero);
+    step(unzeroed, without_zero);
+    if (mounted) step(*mounted, with_mount);
   }
   row["zeroed"] = is_zeroed ? with_zero.figures() : json();
   row["unzeroed"] = without_zero.figures();
@@ -160,18 +173,23 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
 }  // namespace
 
 json measure_pictures(const Model& model, const FingerSpec& spec, bool quick) {
+  const int places = quick ? 20 : 200;
   const double seconds = quick ? 1.2 : 16;
-  const auto frames = static_cast<int>(seconds * kFramesPerSecond);
-  const TetMesh mesh = make_mesh(spec);
-  const auto path = [&](TouchPlan::Path kind) {
-    return make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, kind), frames, kFramesPerSecond);
-  };
-  const std::vector<FemState> states = path(TouchPlan::Path::kWander), fast = path(TouchPlan::Path::kFast);
+  const SceneCase any{.name = "any", .scenes = {model.scene}, .load = SceneCase::Load::kAny};
+  std::vector<FemState> held;
+  for (const CaseState& touch : solve_case(spec, any, places)) held.insert(held.end(), kHeldFrames, touch.state);
+  const std::vector<FemState> fast =
+      make_touch_path(spec, make_mesh(spec), TouchPlan(spec, seconds, kSeed, TouchPlan::Path::kFast),
+                      static_cast<int>(seconds * kFramesPerSecond), kFramesPerSecond);
   const std::vector<Picture> all = pictures();
-  json rows = json::array();
-  Progress progress("pictures as cameras make them", all.size() * states.size());
-  for (const Picture& picture : all)
-    rows.push_back(measure_picture(model, spec, picture, picture.fast ? fast : states, progress));
+  const auto states_of = [&](const Picture& picture) -> const std::vector<FemState>& { return picture.fast ? fast : held; };
+  std::size_t frames = 0;
+  for (const Picture& picture : all) frames += states_of(picture).size();
+  std::vector<json> rows(all.size());
+  Progress progress("pictures as cameras make them", frames);
+  parallel_for(all.size(), [&](std::size_t i) {
+    rows[i] = measure_picture(model, spec, all[i], states_of(all[i]), progress);
+  });
   return {{"pictures", rows}};
 }
 

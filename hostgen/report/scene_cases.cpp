@@ -72,6 +72,8 @@ std::vector<FaceContact> contacts_of(const PushedFinger& finger, const SceneCase
       contact.side = Side::kTip;
       contact.centre_mm = {place_mm.x(), 0.5 * (spec.front_z.at(spec.height_mm) + spec.back_z.at(spec.height_mm))};
       break;
+    case Load::kAny:
+      return draw_contacts(spec, spec.scene(scene_case.scenes.front()), place_mm, random);
   }
   return {contact};
 }

@@ -14,8 +14,8 @@ namespace finsight::host {
 struct SceneCase {
   std::string name;
   std::vector<std::string> scenes = {};  ///< that contain it
-  enum class Load { kPoint, kAlong, kAcross, kAgainst, kDisc, kLine, kTwo, kSide, kBack, kTip };
-  Load load = Load::kPoint;
+  enum class Load { kPoint, kAlong, kAcross, kAgainst, kDisc, kLine, kTwo, kSide, kBack, kTip, kAny };
+  Load load = Load::kPoint;              ///< kAny: drawn from the first of `scenes`, as for a training set
   double friction = 0;
   double diameter_mm = 0;
   double second_share = 0;               ///< of the force, at the second of two points

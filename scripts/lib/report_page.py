@@ -29,7 +29,7 @@ body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:1.5rem auto;paddi
 background:var(--ground)}
 h1{font-size:1.7rem;margin:.2rem 0}h2{margin-top:2.2rem;border-top:1px solid var(--line);padding-top:1rem}
 a{color:var(--link)}.dim,caption,.how{color:var(--dim)}.how{font-size:.85rem}
-nav{line-height:2}nav a{display:inline-block;margin-right:.9rem;white-space:nowrap}
+nav{line-height:2}nav a{display:inline-block;margin-right:.9rem}
 .wide{overflow-x:auto}table{border-collapse:collapse;margin:.7rem 0;font-size:.92rem}
 caption{text-align:left;padding-bottom:.3rem}
 th,td{padding:.25rem .7rem;border-bottom:1px solid var(--line);text-align:right;font-variant-numeric:tabular-nums;
@@ -38,6 +38,7 @@ th{font-weight:600;background:var(--card)}th:first-child,td:first-child,.words t
 .bad{color:var(--bad);font-weight:600}.good{color:var(--good)}
 summary{cursor:pointer;color:var(--link)}figure{margin:1rem 0;background:#fff;border:1px solid var(--line);border-radius:6px;padding:.5rem}
 figure svg,figure img{max-width:100%;height:auto;display:block;margin:auto}figcaption{color:#5f6b7a;font-size:.9rem}
+@media(max-width:40rem){.words th:first-child,.words td:first-child{min-width:9rem}}
 @media print{nav{display:none}body{max-width:none;font-size:11px;color:#000;background:#fff}h2{break-after:avoid}
 table,figure{break-inside:avoid}}
 """

@@ -196,7 +196,8 @@ SECTIONS = {
     "pictures": {
         "title": "Pictures as cameras make them", "area": "pictures", "code": ["hostgen/render"],
         "text": "Coded, blurred, noisy, dim, glaring, badly printed pictures through the whole firmware, with a zero, without "
-                "one, and with a measured mount.",
+                "one, and with a measured mount: touches of the pack's scene, each by itself. The rows called fast: one "
+                "frictionless touch that wanders over the face, its frames one after the other.",
         "starts": ["zeroed", "unzeroed", "mounted"],
         "tables": [("", ["picture", "start", "zero_frames", "firm_touches", "published", "touch_mm", "radius_mm", "coverage_68",
                          "lies", "recall_top", "recall_middle", "recall_low"], "", "")]},

@@ -8,7 +8,7 @@ import time
 from pymodbus.client import ModbusSerialClient
 
 import machine
-from bench import (ANY_FAULT, CAMERA_FAULT, CAMERA_FPS, CAMERA_LOST, HELD, PACK, SESSION, SHAPE_VALID, TOUCH_VALID, WORK,
+from bench import (ANY_FAULT, CAMERA_FAULT, CAMERA_FPS, CAMERA_LOST, HELD, PACK, SESSION, SHAPE_VALID, SOURCE, TOUCH_VALID, WORK,
                    camera_settings, check, step)
 from machine import READY
 from register_block import Block, signed
@@ -345,6 +345,26 @@ def a_usb_camera_is_seen_lost_and_found_again(bench):
         check(now.strip() == process.strip(), f"the firmware was restarted: process {process!r}, now {now!r}")
     bench.machine.cut_power()  # the steps that follow want the session
     return f"{said}; lost after {lost_s:.1f} s, found after {found_s:.1f} s; {again}"
+
+
+@step
+def the_image_for_any_uefi_computer_reads_a_camera(bench):
+    """generic-uefi-arm64 with the same model: a USB camera's registers are the workstation's there, too."""
+    board = "generic-uefi-arm64"
+    subprocess.run([SOURCE / "scripts/image", board, "--pack", PACK], check=True, stdout=subprocess.DEVNULL)
+    reference = workstation_replay(bench, FRAME_BY_ITSELF)
+    bench.machine.cut_power()
+    machine.copy_card(next((SOURCE / "build/image" / board).glob("finsight-*.img")), bench.card)
+    machine.write_settings(bench.card, bench.default_settings + camera_settings() + FRAME_BY_ITSELF)
+    bench.machine.start(*bench.machine.camera_port())
+    with UsbCamera(bench.machine.folder / "camera.sock", SESSION, CAMERA_FPS) as camera:
+        camera.plug()
+        bench.machine.wait_registers(lambda words: words[0] & TOUCH_VALID and not words[0] & ANY_FAULT)
+        said = compare_camera(bench.machine, reference)
+        _, release = bench.machine.shell("cat /usr/lib/finsight/release")
+        check(board in release, f"another image: {release}")
+    bench.machine.cut_power()
+    return said
 
 
 @step
