@@ -64,7 +64,7 @@ HEADINGS = {
     "sub_pix_rms_px": "cornerSubPix, RMS, px", "motion": "motion",
     "ratio_to_published": "times faster than the published way", "ratio_to_eigen": "times faster than Eigen's LDLT",
     "ratio_to_cholmod": "times faster than CHOLMOD", "growth_exponent": "growth exponent of time over tetrahedra",
-    "iteration_ms": "one Newton iteration, ms", "published_iteration_ms": "the published way's, ms",
+    "iteration_ms": "one Newton iteration, ms", "published_iteration_ms": "one iteration of the published way, ms",
     "read_us_p50": "read of 48 registers, median, µs", "read_us_p99": "99 %, µs",
     "worst_coverage_error": ("worst distance of a contained case from 68 %, %", PERCENT),
     "worst_lies": ("most touches off by over three radii, any case, %", PERCENT),
