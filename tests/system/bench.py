@@ -52,9 +52,10 @@ class Bench:
     def update(self):
         return next(self.image_folder.glob("finsight-*.update"))
 
-    def fresh_card(self, settings=""):
+    def fresh_card(self, settings="", image=None):
+        """With the image under test, or another one."""
         self.machine.cut_power()
-        machine.copy_card(self.image(), self.card)
+        machine.copy_card(image or self.image(), self.card)
         machine.write_settings(self.card, self.default_settings + settings)
 
     def running(self, settings='\n[source]\nspeed = "full"\n'):

@@ -353,9 +353,8 @@ def the_image_for_any_uefi_computer_reads_a_camera(bench):
     board = "generic-uefi-arm64"
     subprocess.run([SOURCE / "scripts/image", board, "--pack", PACK], check=True, stdout=subprocess.DEVNULL)
     reference = workstation_replay(bench, FRAME_BY_ITSELF)
-    bench.machine.cut_power()
-    machine.copy_card(next((SOURCE / "build/image" / board).glob("finsight-*.img")), bench.card)
-    machine.write_settings(bench.card, bench.default_settings + camera_settings() + FRAME_BY_ITSELF)
+    image = next((SOURCE / "build/image" / board).glob("finsight-*.img"))
+    bench.fresh_card(camera_settings() + FRAME_BY_ITSELF, image)
     bench.machine.start(*bench.machine.camera_port())
     with UsbCamera(bench.machine.folder / "camera.sock", SESSION, CAMERA_FPS) as camera:
         camera.plug()
