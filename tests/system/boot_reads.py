@@ -19,12 +19,14 @@ MEASURED = [*range(5, 20), 40, 41, 42]  # touch, force, deformation, top plate, 
 # Radius and deviation tell of more than one image: a finger that jumps from one to the next counts as shaken, and a camera
 # does not know, as a session does, that its finger was at rest and hung as at its zero.
 OF_ONE_IMAGE = [r for r in MEASURED if r not in (8, 10)]
+SHAPE = range(11, 20)
 ENOUGH_FRAMES = 80  # that are compared in a step
 # The first frames after the recording begins again come from another shape than in the single replay.
 NEW_SHAPE_FRAMES = 5
 # Markers and plates follow the last ones, so images that a busy machine leaves out leave a trace in them. In the shape,
 # which takes a fixed number of steps, it would be tenths of a millimetre; so there every frame is solved by itself.
 SKIPPED_PICTURES_COUNTS = 5
+MOST_LOST_AT_ONCE = 4  # images, between two blocks that are compared
 FRAME_BY_ITSELF = '[shape]\ntier = "map+newton"\n'
 
 
@@ -286,13 +288,36 @@ def a_virtual_camera_is_read(bench):
     return f"{blocks} blocks of {len(seen)} images as replayed, worst difference {worst} counts, {others} other threads"
 
 
-def compare_camera(board, reference):
-    """Blocks of a camera that shows the session, each against the workstation's block of the same image.
+def is_withheld(words, expected):
+    """Whether the board says no touch where the workstation does: with images lost the finger looks shaken."""
+    return not words[0] & TOUCH_VALID and expected[0] & TOUCH_VALID
 
-    The camera misses no image and the frame counter no frame, so the two differ by a constant: the one that fits.
-    Twice the frames of a new shape are left out, because a busy machine comes to every second image only.
+
+def camera_difference(words, expected):
+    """In counts."""
+    return worst_difference(words, expected, SHAPE if is_withheld(words, expected) else OF_ONE_IMAGE)
+
+
+def images_of(blocks, reference, shift):
+    """[(words, the image's number)] of blocks by frame, and how many images were lost on the way.
+
+    The first block shows the image `shift` after its frame's number. An emulator that gets too little of the processor loses
+    one here and there, which no frame counts: from then on the shift is greater. A block that fits no image is taken for the
+    one that is due. Twice the frames of a new shape are left out, because a busy machine comes to every second image only.
     """
-    frames, seen = len(reference), {}
+    frames, pairs, first = len(reference), [], shift
+    for frame, words in sorted(blocks.items()):
+        due = [(frame + shift + lost) % frames for lost in range(MOST_LOST_AT_ONCE + 1)]
+        fits = [camera_difference(words, reference[k]) <= SKIPPED_PICTURES_COUNTS for k in due]
+        shift += fits.index(True) if True in fits else 0
+        if (frame + shift) % frames >= 2 * NEW_SHAPE_FRAMES:
+            pairs.append((words, reference[(frame + shift) % frames]))
+    return pairs, shift - first
+
+
+def compare_camera(board, reference):
+    """Blocks of a camera that shows the session, each against the workstation's block of the same image."""
+    seen = {}
     end = time.monotonic() + 240 * board.slowness
     while len(seen) < ENOUGH_FRAMES and time.monotonic() < end:
         words = machine.read_registers(board.port)
@@ -300,24 +325,29 @@ def compare_camera(board, reference):
         if words[0] & READY and not words[0] & (ANY_FAULT | HELD):
             seen[Block(list(words)).frame] = words
     check(len(seen) >= ENOUGH_FRAMES / 2, f"only {len(seen)} frames were seen")
-    pairs = lambda shift: [(words, (frame + shift) % frames) for frame, words in seen.items()
-                           if (frame + shift) % frames >= 2 * NEW_SHAPE_FRAMES]
-    worst = lambda shift: max(worst_difference(words, reference[k], OF_ONE_IMAGE) for words, k in pairs(shift))
-    shift = min(range(frames), key=worst)
-    for words, k in pairs(shift):
-        check_block(words, reference[k], k, SKIPPED_PICTURES_COUNTS, OF_ONE_IMAGE)
-    touches = sum(words[0] & TOUCH_VALID != 0 for words, _ in pairs(shift))
-    check(touches >= 5, f"only {touches} blocks with a touch")
-    return f"{len(pairs(shift))} blocks ({touches} with a touch) as replayed, worst difference {worst(shift)} counts"
+    ways = [images_of(seen, reference, shift) for shift in range(len(reference))]
+    misfits = lambda way: [pair for pair in way[0] if camera_difference(*pair) > SKIPPED_PICTURES_COUNTS]
+    pairs, lost = best = min(ways, key=lambda way: (len(misfits(way)), way[1]))
+    check(not misfits(best), f"{len(misfits(best))} of {len(pairs)} blocks differ:" + "".join(
+        f"\n{words[:20] + words[40:43]}, the workstation says {expected[:20] + expected[40:43]}"
+        for words, expected in misfits(best)[:3]))
+    check(all(words[36:40] == expected[36:40] for words, expected in pairs), "model checksum, map version, constant")
+    touches = sum(words[0] & TOUCH_VALID != 0 for words, _ in pairs)
+    withheld = sum(is_withheld(*pair) for pair in pairs)
+    worst = max(camera_difference(*pair) for pair in pairs)
+    said = f"{len(pairs)} blocks ({touches} with a touch, {withheld} withheld) as replayed, worst difference {worst} counts, " \
+           f"{lost} images lost"
+    check(touches >= 5 and withheld + lost <= len(pairs) / 10, said)
+    return said
 
 
 @step
 def a_usb_camera_is_seen_lost_and_found_again(bench):
-    """A USB camera's registers are the workstation's; unplugged: fault 1, nothing fresh, safe outputs; then again."""
+    """A USB camera's registers are the workstation's; unplugged: fault 1, safe outputs; then again, at any port."""
     reference = workstation_replay(bench, FRAME_BY_ITSELF)
     bench.fresh_card(camera_settings() + FRAME_BY_ITSELF)
     board = bench.machine
-    board.start(*board.camera_port())
+    board.start(*board.camera_port(), *board.camera_port("other"))
     with UsbCamera(board.folder / "camera.sock", SESSION, CAMERA_FPS) as camera:
         camera.plug()
         board.wait_registers(lambda words: words[0] & TOUCH_VALID and not words[0] & ANY_FAULT)
@@ -343,6 +373,10 @@ def a_usb_camera_is_seen_lost_and_found_again(bench):
         check_threads(board)  # of the camera that was opened while the loop was running
         _, now = board.shell("systemctl show -P MainPID finsightd")
         check(now.strip() == process.strip(), f"the firmware was restarted: process {process!r}, now {now!r}")
+    with UsbCamera(board.folder / "other.sock", SESSION, CAMERA_FPS) as elsewhere:
+        board.wait_registers(lambda words: words[0] & CAMERA_FAULT)
+        elsewhere.plug()
+        bench.frames_advance()
     bench.machine.cut_power()  # the steps that follow want the session
     return f"{said}; lost after {lost_s:.1f} s, found after {found_s:.1f} s; {again}"
 

@@ -77,9 +77,9 @@ class Machine:
     def chardev(self, name):
         return f"socket,id={name},path={self.folder}/{name}.sock,server=on,wait=off"
 
-    def camera_port(self):
-        """For start(): a USB port for a UsbCamera on camera.sock in our folder."""
-        return ["-chardev", self.chardev("camera"), "-device", "usb-redir,chardev=camera"]
+    def camera_port(self, name="camera"):
+        """For start(): a USB port for a UsbCamera on NAME.sock in our folder."""
+        return ["-chardev", self.chardev(name), "-device", f"usb-redir,chardev={name}"]
 
     def card_drive(self):
         if not self.write_log:
