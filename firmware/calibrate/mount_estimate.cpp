@@ -23,11 +23,13 @@ constexpr int kMinFrames = 10;
 constexpr double kStillPx = 0.5;    // scatter of a corner: noise makes a tenth of that, the lightest touch more
 constexpr double kLargestPx = 0.5;  // from the estimate: more is another lens, marker size or finger
 constexpr double kDegPerRad = 180 / std::numbers::pi;
-// How well parts are mounted: a camera by its screws, a marker glued to a moulded plate.
-constexpr double kCameraMm = 2, kCameraRad = 3 / kDegPerRad, kMarkerMm = 0.3, kMarkerRad = 1 / kDegPerRad;
+// How well parts are made: a camera held by its screws, a marker glued to a moulded plate, a print's size.
+constexpr double kCameraMm = 2, kCameraRad = 3 / kDegPerRad, kMarkerMm = 0.3, kMarkerRad = 2 / kDegPerRad,
+                 kPrintShare = 0.01;
+constexpr double kLinearFromSigmas = 3;  // corners that a highlight has moved further pull with a constant force
 
-constexpr int kPlaces = 1 + kPlates, kNumbers = 6 * kPlaces, kCoordinates = 8 * kPlates;
-using Numbers = Eigen::Matrix<double, kNumbers, 1>;  // per place: shift, rotation vector; in the finger frame
+constexpr int kPlaces = 1 + kPlates, kPrint = 6 * kPlaces, kNumbers = kPrint + 1, kCoordinates = 8 * kPlates;
+using Numbers = Eigen::Matrix<double, kNumbers, 1>;  // per place: shift, rotation vector; in the finger frame; print
 using Residuals = Eigen::Matrix<double, kCoordinates + kNumbers, 1>;
 
 Isometry3d moved(const Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& by) {
@@ -40,7 +42,7 @@ Isometry3d moved(const Isometry3d& pose, const Eigen::Matrix<double, 6, 1>& by) 
 Numbers mounted_to() {
   Numbers sigma;
   sigma << Eigen::Vector3d::Constant(kCameraMm), Eigen::Vector3d::Constant(kCameraRad),
-      Numbers::Zero().tail<kPoseDims>();
+      Eigen::Matrix<double, kPoseDims, 1>::Zero(), kPrintShare;
   for (int p = 1; p < kPlaces; ++p) {
     sigma.segment<3>(6 * p).setConstant(kMarkerMm);
     sigma.segment<3>(6 * p + 3).setConstant(kMarkerRad);
@@ -48,22 +50,40 @@ Numbers mounted_to() {
   return sigma;
 }
 
-/// Distances of the corners from where the numbers put them, then the numbers themselves; each in units of its scatter.
-Residuals residuals(const MountModel& nominal, const RestingCorners& seen, const Numbers& x) {
-  Residuals r;
+/// Distances of the corners from where the numbers put them, pixels.
+Eigen::Matrix<double, kCoordinates, 1> distances_px(const MountModel& nominal, const RestingCorners& seen,
+                                                    const Numbers& x) {
+  Eigen::Matrix<double, kCoordinates, 1> distances;
   const Isometry3d T_camera_finger = moved(nominal.T_finger_camera.cast<double>(), x.head<6>()).inverse();
+  const double size_mm = (1 + x[kPrint]) * static_cast<double>(nominal.marker_size_mm);
   for (int p = 0; p < kPlates; ++p) {
     const auto plate = static_cast<std::size_t>(p);
     const Isometry3d T_camera_marker =
         T_camera_finger * moved(nominal.T_finger_marker[plate].cast<double>(), x.segment<6>(6 * (p + 1)));
     for (std::size_t k = 0; k < 4; ++k) {
-      const Eigen::Vector3d at = T_camera_marker * marker_corner(static_cast<double>(nominal.marker_size_mm), k);
-      const Vector2d off = pixel_from_ray(seen.lens, at.head<2>() / at.z()) - seen.corner_px[plate][k];
-      r.segment<2>(8 * p + 2 * static_cast<int>(k)) = off / kCornerSigmaPx;
+      const Eigen::Vector3d at = T_camera_marker * marker_corner(size_mm, k);
+      distances.segment<2>(8 * p + 2 * static_cast<int>(k)) =
+          pixel_from_ray(seen.lens, at.head<2>() / at.z()) - seen.corner_px[plate][k];
     }
   }
-  r.tail<kNumbers>() = x.cwiseQuotient(mounted_to());
+  return distances;
+}
+
+/// The distances, then the numbers themselves; each in units of its scatter.
+Residuals residuals(const MountModel& nominal, const RestingCorners& seen, const Numbers& x) {
+  Residuals r;
+  r << distances_px(nominal, seen, x) / kCornerSigmaPx, x.cwiseQuotient(mounted_to());
   return r;
+}
+
+/// Of squared residuals; less than one for corners that lie far off.
+Residuals weights(const Residuals& r) {
+  Residuals weight = Residuals::Ones();
+  for (int corner = 0; corner < kCoordinates / 2; ++corner) {
+    const double sigmas = r.segment<2>(2 * corner).norm() / kLinearFromSigmas;
+    weight.segment<2>(2 * corner).setConstant(1 / std::sqrt(1 + sigmas * sigmas));
+  }
+  return weight;
 }
 
 }  // namespace
@@ -108,7 +128,8 @@ RestingCorners RestingCornersSum::mean(const Lens& lens, const std::string& name
 }
 
 MountEstimate estimate_mount(const MountModel& nominal, const RestingCorners& seen, const std::string& name) {
-  constexpr int kSteps = 10;            // it converges quadratically: to 1e-9 in four
+  constexpr int kSquareSteps = 4;  // converge quadratically, to 1e-9; from then on the weights change a little
+  constexpr int kSteps = 12;
   constexpr double kDifference = 1e-5;  // mm and rad; the residuals' rounding is 1e-12 of them
   Numbers x = Numbers::Zero();
   Eigen::Matrix<double, kNumbers, kNumbers> information;
@@ -118,23 +139,29 @@ MountEstimate estimate_mount(const MountModel& nominal, const RestingCorners& se
       const Numbers by = kDifference * Numbers::Unit(i);
       jacobian.col(i) = (residuals(nominal, seen, x + by) - residuals(nominal, seen, x - by)) / (2 * kDifference);
     }
-    information = jacobian.transpose() * jacobian;
-    x -= information.llt().solve(jacobian.transpose() * residuals(nominal, seen, x));
+    const Residuals off = residuals(nominal, seen, x);
+    const Residuals weight = step < kSquareSteps ? Residuals(Residuals::Ones()) : weights(off);
+    information = jacobian.transpose() * weight.asDiagonal() * jacobian;
+    x -= information.llt().solve(jacobian.transpose() * weight.asDiagonal() * off);
   }
   MountEstimate estimate;
-  const Residuals left = residuals(nominal, seen, x);
-  estimate.rms_px = kCornerSigmaPx * std::sqrt(left.head<kCoordinates>().squaredNorm() / (4 * kPlates));
+  estimate.rms_px = std::sqrt(distances_px(nominal, seen, x).squaredNorm() / (4 * kPlates));
   if (!(estimate.rms_px <= kLargestPx)) {
     throw InputError(name, "markers' corners", std::to_string(estimate.rms_px) + " pixels from any mount",
                      "at most " + std::to_string(kLargestPx) + "; is it the lens, the marker size, the finger?");
   }
-  estimate.change = x.reshaped(6, kPlaces);
-  estimate.sigma = information.inverse().diagonal().cwiseSqrt().reshaped(6, kPlaces);
+  const Numbers sigma = information.inverse().diagonal().cwiseSqrt();
+  estimate.change = Eigen::Matrix<double, kPrint, 1>(x.head<kPrint>()).reshaped(6, kPlaces);
+  estimate.sigma = Eigen::Matrix<double, kPrint, 1>(sigma.head<kPrint>()).reshaped(6, kPlaces);
+  estimate.print = x[kPrint];
+  estimate.print_sigma = sigma[kPrint];
   estimate.mount.where = name;
   estimate.mount.T_finger_camera = moved(nominal.T_finger_camera.cast<double>(), estimate.change.col(0));
+  const Eigen::Vector3d camera = estimate.mount.T_finger_camera.translation();
   for (std::size_t p = 0; p < kPlates; ++p) {
-    estimate.mount.T_finger_marker[p] =
-        moved(nominal.T_finger_marker[p].cast<double>(), estimate.change.col(1 + static_cast<int>(p)));
+    Isometry3d& marker = estimate.mount.T_finger_marker[p];
+    marker = moved(nominal.T_finger_marker[p].cast<double>(), estimate.change.col(1 + static_cast<int>(p)));
+    marker.translation() = camera + (marker.translation() - camera) / (1 + estimate.print);
   }
   corrected_mount(nominal, estimate.mount);  // throws what the firmware would refuse
   return estimate;
@@ -149,7 +176,8 @@ std::string place_name(int place) {
 /// Warns of offsets that explain the corners but are larger than parts are usually mounted.
 std::string mounting_warnings(const MountEstimate& estimate) {
   constexpr double kUsual = 3;  // standard deviations
-  const Eigen::Matrix<double, 6, kPlaces> off = estimate.change.cwiseQuotient(mounted_to().reshaped(6, kPlaces));
+  const Eigen::Matrix<double, 6, kPlaces> off =
+      estimate.change.cwiseQuotient(mounted_to().head<kPrint>().reshaped(6, kPlaces));
   std::string text;
   for (int place = 0; place < kPlaces; ++place) {
     const double most = off.col(place).cwiseAbs().maxCoeff();
@@ -160,6 +188,9 @@ std::string mounting_warnings(const MountEstimate& estimate) {
                   "finger touched, or is it another spec's?\n",
                   place_name(place).c_str(), most);
     text += line;
+  }
+  if (std::abs(estimate.print) > kUsual * kPrintShare) {
+    text += "warning: markers are rarely printed in so wrong a size: is marker_size_mm the spec's?\n";
   }
   return text;
 }
@@ -178,7 +209,10 @@ std::string mount_text(const MountEstimate& estimate) {
       text += line;
     }
   }
-  char line[96];
+  char line[128];
+  std::snprintf(line, sizeof line, "%-28s %11.2f %% of the spec's size; std. dev. %.2f %%\n", "print of the markers",
+                100 * (1 + estimate.print), 100 * estimate.print_sigma);
+  text += line;
   std::snprintf(line, sizeof line, "corners are %.3f pixels from that (RMS)\n", estimate.rms_px);
   return text + line + mounting_warnings(estimate);
 }

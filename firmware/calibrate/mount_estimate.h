@@ -36,16 +36,19 @@ class RestingCornersSum {
 };
 
 struct MountEstimate {
+  /// A marker that was printed too small is put as much further away, where one of the nominal size looks the same.
   MeasuredMount mount;
   /// Camera, then top, middle and low marker: shift (mm) and rotation vector (rad) away from the nominal place, in the
   /// finger frame, and their standard deviations. [6, 4]
   Eigen::Matrix<double, 6, 1 + kPlates> change, sigma;
-  double rms_px = 0;  ///< distance of the corners from the estimate
+  double print = 0, print_sigma = 0;  ///< by how much all markers are larger than the nominal size, relative
+  double rms_px = 0;                  ///< distance of the corners from the estimate
 };
 
 /// The most probable poses of the camera and the three markers. The markers are seen from the camera only, so a common
 /// motion of all cannot be told from the camera's: what fits together is put down to the camera (mounted to 2 mm and 3
-/// degrees), the rest to the markers (to 0.3 mm and 1 degree). Gauss-Newton on 24 numbers. Throws InputError (`name`
+/// degrees) or the print's size (1 %), the rest to the markers (to 0.3 mm and 2 degrees). Gauss-Newton on 25 numbers;
+/// corners further off than three times their scatter weigh less. Throws InputError (`name`
 /// stands for the file) for corners that no such mount explains to half a pixel.
 MountEstimate estimate_mount(const MountModel& nominal, const RestingCorners& seen, const std::string& name);
 

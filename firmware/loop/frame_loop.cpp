@@ -9,10 +9,11 @@ namespace finsight {
 
 FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, const LoopSettings& settings)
     : model_(model),
-      rest_is_known_(settings.rest_is_known),
+      rest_is_known_(settings.rest_is_known || settings.mount.has_value()),
+      mount_is_measured_(settings.mount.has_value()),
       gravity_(model.touch, settings.fixed_g),
       zeroing_(model.touch.threshold_mm),
-      marker_places_(model.mount, model.touch),
+      marker_places_(model.mount, settings.mount, model.touch),
       filter_(settings.smoothing_ms),
       shape_(model, settings.shape),
       touch_(model) {
@@ -37,7 +38,7 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, cons
 const RegisterImage& FrameLoop::step(const Frame& frame) {
   assert(observer_);
   const StageClock clock(true);
-  return process(observer_->observe(frame, zeroing_.zero().value_or(ZeroPose{})), clock);
+  return process(observer_->observe(frame, zeroing_.zero().value_or(ZeroPose{}), zeroing_.is_running()), clock);
 }
 
 const RegisterImage& FrameLoop::step(const Observation& recorded) {
@@ -88,7 +89,9 @@ void FrameLoop::zero(Observation& seen) {
   }
   const bool is_zeroed = zeroing_.zero().has_value();
   if (seen.poses.quality == Quality::kFresh) marker_places_.correct(seen.poses);
-  if (seen.poses.quality == Quality::kFresh) seen.unknown_g = gravity_.apply(is_zeroed, seen.poses);
+  if (seen.poses.quality == Quality::kFresh) {
+    seen.unknown_g = gravity_.apply(is_zeroed || mount_is_measured_, seen.poses);
+  }
   seen.is_from_rest = is_zeroed || rest_is_known_;
   seen.moved_as_one = seen.rigid_motion && MountCheck::is_rigid_motion(*seen.rigid_motion);
   seen.camera_moved = mount_check_.update(seen.poses, seen.rigid_motion);

@@ -24,11 +24,12 @@ namespace finsight {
 
 struct LoopSettings {
   ShapeSettings shape;
-  RuntimeSettings runtime;                         ///< the first; see use()
-  double readout_ms = 0;                           ///< of a camera with a rolling shutter, see RollingShutter
-  double smoothing_ms = 0;                         ///< delay of the low-pass on plate motions, see PoseFilter; 0: none
-  std::optional<MountModel> mount = std::nullopt;  ///< of this device, instead of the model's
-  std::optional<FitValues> fit = std::nullopt;     ///< of this finger
+  RuntimeSettings runtime;  ///< the first; see use()
+  double readout_ms = 0;    ///< of a camera with a rolling shutter, see RollingShutter
+  double smoothing_ms = 0;  ///< delay of the low-pass on plate motions, see PoseFilter; 0: none
+  /// Of this device, instead of the model's. It was measured at rest and absorbs what a zero absorbs.
+  std::optional<MountModel> mount = std::nullopt;
+  std::optional<FitValues> fit = std::nullopt;  ///< of this finger
   /// The acceleration of things that fall, in the finger frame and in g, if the finger never turns. Nothing, or a rest
   /// that is not known, makes every touch less sure; these are for poses that are as in the pack.
   std::optional<Vec3f> fixed_g = Vec3f(0, 0, 0);
@@ -94,7 +95,7 @@ class FrameLoop {
   void count(const Observation& seen);
 
   const Model& model_;
-  const bool rest_is_known_;
+  const bool rest_is_known_, mount_is_measured_;
   std::optional<Observer> observer_;
   GravityCorrection gravity_;
   Zeroing zeroing_;

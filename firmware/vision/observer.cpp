@@ -2,11 +2,12 @@
 
 namespace finsight {
 
-Observation Observer::observe(const Frame& frame, const ZeroPose& zero) {
+Observation Observer::observe(const Frame& frame, const ZeroPose& zero, bool is_zeroing) {
   Observation seen{.exposure_ns = frame.exposure_ns, .sequence = frame.sequence};
   seen.image_fault = check_.check({frame.grey, frame.width_px, frame.height_px, frame.stride_bytes});
   if (check_.repeats()) return seen;  // an old image is not a measurement
   markers_.find(frame);
+  poses_.set_rest(zero, is_zeroing);
   seen.poses = poses_.estimate(markers_.last(), markers_.edges());
   const bool found_more = seen.poses.quality == Quality::kFresh && look_again(frame, seen.poses.seen);
   // What was found again, or that rows are of different times, makes other poses.

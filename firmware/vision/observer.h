@@ -21,7 +21,7 @@ class Observer {
   /// What the frame shows. Poses are motions from the model's rest; invalid in an image that repeats an earlier one.
   /// `zero` is where the rigid motion of the whole finger, if all plates are seen, is counted from. Allocates (OpenCV
   /// does), never throws.
-  Observation observe(const Frame& frame, const ZeroPose& zero);
+  Observation observe(const Frame& frame, const ZeroPose& zero, bool is_zeroing = false);
   /// Those of the last image that did not repeat an earlier one, as they are in it.
   const MarkerCorners& corners() const { return markers_.last(); }
 

@@ -8,6 +8,7 @@
 
 #include "firmware/geometry/so3.h"
 #include "firmware/input_error.h"
+#include "firmware/model/rest_spread.h"
 
 namespace finsight {
 namespace {
@@ -17,12 +18,15 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kSlackMm = 3, kSlackRad = 0.15;
+// How far from the model's rest a marker may rest by itself: how it is stuck on, and the finger's own shape.
+constexpr double kOwnRestMm = 0.3, kOwnRestRad = 0.04;
 constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
 // Corners further off than this pull with a constant force. Pseudo-Huber is convex, so the prior cannot outvote the
 // corners of a finger that is where no touch brings it.
 constexpr double kLinearFromSigmas = 3;
 constexpr double kGuessWeight = 4;    // of the guessed scatter, in residuals
 constexpr int kStepsWithScatter = 2;  // the scatter changes little: only the corners' weight against the prior
+constexpr int kStepsAtRest = 3;       // from the estimate with the pack's prior, which is near
 constexpr double kMinSigmaPx = 0.01, kMaxSigmaPx = 1;
 
 double corner_weight(double sigmas_sq) {
@@ -43,14 +47,18 @@ PlateEstimator::PlateEstimator(const MountModel& mount, const PlatePrior& prior,
                      "18, 324 and 18");
   }
   noise_ = Eigen::Map<const PoseVector>(prior.noise.data()).cast<double>();
-  mean_ = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
+  model_mean_ = touched_.mean = Eigen::Map<const PoseVector>(prior.mean.data()).cast<double>();
   const Matrix covariance =
       Eigen::Map<const Eigen::Matrix<float, kPoseDims, kPoseDims>>(prior.covariance.data()).cast<double>();
   const Eigen::LLT<Matrix> factor(covariance);
-  if (!mean_.allFinite() || !covariance.allFinite() || factor.info() != Eigen::Success) {
+  if (!model_mean_.allFinite() || !covariance.allFinite() || factor.info() != Eigen::Success) {
     throw InputError("prior", "covariance", "a matrix that is not positive definite", "a Gaussian's covariance");
   }
-  precision_ = factor.solve(Matrix::Identity());
+  touched_.precision = factor.solve(Matrix::Identity());
+  const Eigen::Matrix<double, kPoseDims, 7> common = common_rest_spread(mount);
+  Matrix resting = common * common.transpose();
+  resting.diagonal() += own_rest_variance(kOwnRestMm, kOwnRestRad);
+  resting_ = {Vector::Zero(), resting.llt().solve(Matrix::Identity())};
   for (std::size_t p = 0; p < kPlates; ++p) {
     const Eigen::Isometry3d T_finger_marker = mount.T_finger_marker[p].cast<double>();
     PlateAtRest& rest = rest_[p];
@@ -103,10 +111,10 @@ bool PlateEstimator::add_plate(const PlateSight& sight, std::size_t plate, const
   return true;
 }
 
-void PlateEstimator::normal_equations(const PlateSight& sight, const Vector& motion, Matrix& information,
-                                      Vector& gradient) const {
-  information = precision_;
-  gradient = precision_ * (motion - mean_);
+void PlateEstimator::normal_equations(const PlateSight& sight, const Gaussian& prior, const Vector& motion,
+                                      Matrix& information, Vector& gradient) const {
+  information = prior.precision;
+  gradient = prior.precision * (motion - prior.mean);
   for (std::size_t p = 0; p < kPlates; ++p) {
     Matrix6 plate_information;
     Vector6 plate_gradient;
@@ -118,12 +126,14 @@ void PlateEstimator::normal_equations(const PlateSight& sight, const Vector& mot
   }
 }
 
-void PlateEstimator::gauss_newton_step(const PlateSight& sight, Vector& motion) const {
+void PlateEstimator::step(const PlateSight& sight, const Gaussian& prior, Vector& motion) const {
   Matrix information;
   Vector gradient;
-  normal_equations(sight, motion, information, gradient);
+  normal_equations(sight, prior, motion, information, gradient);
   motion -= information.llt().solve(gradient);
 }
+
+void PlateEstimator::gauss_newton_step(const PlateSight& sight, Vector& motion) const { step(sight, touched_, motion); }
 
 PlateEstimator::Vector PlateEstimator::estimate(PlateSight& sight, const Vector& start, int steps) const {
   Vector motion = start;
@@ -131,6 +141,21 @@ PlateEstimator::Vector PlateEstimator::estimate(PlateSight& sight, const Vector&
   sight.corner_sigma_px = corner_sigma_px(sight, motion);
   for (int step = 0; step < kStepsWithScatter; ++step) gauss_newton_step(sight, motion);
   return motion;
+}
+
+PlateEstimator::Vector PlateEstimator::estimate_at_rest(const PlateSight& sight, const Vector& start) const {
+  Vector motion = start;
+  for (int k = 0; k < kStepsAtRest; ++k) step(sight, resting_, motion);
+  return motion;
+}
+
+void PlateEstimator::set_rest(const ZeroPose& rest) {
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    const int first = 6 * static_cast<int>(p);
+    const Vector3d w = model_mean_.segment<3>(first + 3), w_rest = rest[p].rotation_rad.cast<double>();
+    touched_.mean.segment<3>(first) = model_mean_.segment<3>(first) + rest[p].displacement_mm.cast<double>();
+    touched_.mean.segment<3>(first + 3) = so3_log(so3_exp(w) * so3_exp(w_rest));
+  }
 }
 
 Vector3d PlateEstimator::corner_in_camera(std::size_t plate, std::size_t corner, const Vector& motion) const {
@@ -163,7 +188,7 @@ double PlateEstimator::reprojection_px(const PlateSight& sight, std::size_t plat
 
 double PlateEstimator::cost(const PlateSight& sight, const Vector& motion) const {
   constexpr double kScaleSq = kLinearFromSigmas * kLinearFromSigmas;
-  double sum = (motion - mean_).dot(precision_ * (motion - mean_));
+  double sum = (motion - touched_.mean).dot(touched_.precision * (motion - touched_.mean));
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (!sight.seen[p]) continue;
     std::array<double, 4> distance_px;
@@ -195,7 +220,7 @@ double PlateEstimator::corner_sigma_px(const PlateSight& sight, const Vector& mo
 std::array<float, kPlates> PlateEstimator::noise(const PlateSight& sight, const Vector& motion) const {
   Matrix information;
   Vector gradient;
-  normal_equations(sight, motion, information, gradient);
+  normal_equations(sight, touched_, motion, information, gradient);
   const Matrix covariance = information.llt().solve(Matrix::Identity());
   const Vector ratio_sq = covariance.diagonal().cwiseQuotient(noise_.cwiseAbs2());
   std::array<float, kPlates> noise;
@@ -216,7 +241,7 @@ Eigen::Matrix<double, 6, 6> PlateEstimator::covariance_of_corners(const PlateSig
 
 double PlateEstimator::distance_from_prior(std::size_t plate, const Vector& motion) const {
   const int first = 6 * static_cast<int>(plate);
-  const Vector6 off = motion.segment<6>(first) - mean_.segment<6>(first);
+  const Vector6 off = motion.segment<6>(first) - touched_.mean.segment<6>(first);
   return std::sqrt(off.dot(rest_[plate].loose_precision * off));
 }
 

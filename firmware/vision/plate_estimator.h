@@ -29,11 +29,16 @@ class PlateEstimator {
   /// `focal_px` turns angles into pixels. Throws InputError for a prior that is not a positive definite Gaussian.
   PlateEstimator(const MountModel& mount, const PlatePrior& prior, double focal_px);
 
-  const Vector& prior_mean() const { return mean_; }
+  /// Where this finger's plates rest, which the prior's motions are counted from; at first as the model's do.
+  void set_rest(const ZeroPose& rest);
+  const Vector& prior_mean() const { return touched_.mean; }
   /// One Gauss-Newton step from `motion`, each corner weighted by its residual there.
   void gauss_newton_step(const PlateSight& sight, Vector& motion) const;
   /// Steps from `start`, then the corners' scatter (into `sight`), then two steps more with it.
   Vector estimate(PlateSight& sight, const Vector& start, int steps) const;
+  /// Some steps more for a finger that nothing touches: instead of the pack's prior, how far from the model's rest
+  /// cameras and markers are mounted.
+  Vector estimate_at_rest(const PlateSight& sight, const Vector& start) const;
   /// The corners' scatter, estimated from the part of their residuals that no motion explains: two residuals per seen
   /// marker; the prior kCornerSigmaPx counts as four more.
   double corner_sigma_px(const PlateSight& sight, const Vector& motion) const;
@@ -60,6 +65,10 @@ class PlateEstimator {
   using Matrix = Eigen::Matrix<double, kPoseDims, kPoseDims>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
   using Vector6 = Eigen::Matrix<double, 6, 1>;
+  struct Gaussian {
+    Vector mean;
+    Matrix precision;
+  };
   struct PlateAtRest {
     Eigen::Vector3d centre;  ///< of the marker, finger frame
     Eigen::Matrix3d R_finger_marker;
@@ -68,15 +77,18 @@ class PlateEstimator {
   };
   bool add_plate(const PlateSight& sight, std::size_t plate, const Vector& motion, Matrix6& information,
                  Vector6& gradient, double& residual_sq) const;
-  void normal_equations(const PlateSight& sight, const Vector& motion, Matrix& information, Vector& gradient) const;
+  void normal_equations(const PlateSight& sight, const Gaussian& prior, const Vector& motion, Matrix& information,
+                        Vector& gradient) const;
+  void step(const PlateSight& sight, const Gaussian& prior, Vector& motion) const;
   bool reproject(const PlateSight& sight, std::size_t plate, const Vector& motion,
                  std::array<double, 4>& distance_px) const;
 
   std::array<PlateAtRest, kPlates> rest_;
   Eigen::Isometry3d T_camera_finger_, T_finger_camera_;
   double focal_px_;
-  Vector mean_, noise_;
-  Matrix precision_;
+  Gaussian touched_, resting_;  ///< motions of fingers that are touched, and that are not
+  Vector model_mean_;           ///< of touched_, from the model's rest
+  Vector noise_;
 };
 
 }  // namespace finsight

@@ -115,7 +115,8 @@ PoseStage::Vector PoseStage::estimate_jointly() {
       best = motion;
     }
   }
-  return estimator_.estimate(sight_, best, kSteps);
+  best = estimator_.estimate(sight_, best, kSteps);
+  return is_at_rest_ ? estimator_.estimate_at_rest(sight_, best) : best;
 }
 
 PoseStage::Vector PoseStage::estimate_one_by_one() const {

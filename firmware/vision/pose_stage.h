@@ -23,6 +23,12 @@ class PoseStage {
             PoseMethod method = PoseMethod::kJoint);
   PoseStage(const Model& model, const Lens& camera) : PoseStage(model.mount, model.prior, camera) {}
 
+  /// Where this finger rests, as far as it is known, and whether that is being measured now: nothing touches the
+  /// finger.
+  void set_rest(const ZeroPose& rest, bool is_measured_now) {
+    estimator_.set_rest(rest);
+    is_at_rest_ = is_measured_now;
+  }
   /// Motions of all plates. A marker counts as not seen, whatever `corners` says, if no square in front of the camera
   /// explains its corners to 3 pixels, or if its plate would be far from where the plates of touched fingers are.
   /// `edges`: how well each marker was seen; by default as well as any.
@@ -54,6 +60,7 @@ class PoseStage {
   PlatePoses poses_;
   Vector motion_ = Vector::Zero();  ///< of the last estimate
   double turning_radius_sq_;
+  bool is_at_rest_ = false;
 };
 
 }  // namespace finsight

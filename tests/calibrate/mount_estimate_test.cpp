@@ -38,7 +38,7 @@ Change drawn(test::Random& random) {
   Change by;
   for (int place = 0; place < 1 + kPlates; ++place) {
     for (int i = 0; i < 6; ++i) {
-      const double mm = place == 0 ? 2 : 0.3, deg = place == 0 ? 3 : 1;
+      const double mm = place == 0 ? 2 : 0.3, deg = place == 0 ? 3 : 2;
       by(i, place) = random.normal() * (i < 3 ? mm : deg * std::numbers::pi / 180);
     }
   }
@@ -99,14 +99,20 @@ TEST_CASE("mount estimate: recovers how camera and markers are mounted, as well 
   test::Random random(11);
   constexpr int kTimes = 200;
   Change squares = Change::Zero();
+  double prints = 0;
   for (int i = 0; i < kTimes; ++i) {
     const Change truth = drawn(random);
-    const MountEstimate found = estimate_mount(nominal, corners_of(changed(nominal, truth), lens, random), "s");
+    MountModel real = changed(nominal, truth);
+    const double print = 0.01 * random.normal();
+    real.marker_size_mm *= static_cast<float>(1 + print);
+    const MountEstimate found = estimate_mount(nominal, corners_of(real, lens, random), "s");
     CHECK(found.rms_px < 0.1);
+    prints += std::pow((found.print - print) / found.print_sigma, 2) / kTimes;
     squares += ((found.change - truth).cwiseQuotient(found.sigma)).cwiseAbs2() / kTimes;
   }
   CHECK(squares.maxCoeff() < 1.5);  // 1 on average, and each of 24 from 200 draws
   CHECK(squares.minCoeff() > 0.7);
+  CHECK(prints == doctest::Approx(1).epsilon(0.3));
   CHECK(squares.mean() == doctest::Approx(1).epsilon(0.12));
 }
 
@@ -118,11 +124,11 @@ TEST_CASE("mount estimate: a camera that alone is displaced is found where it is
   truth.col(0) << 1.2, -2, 0.8, 0.03, -0.02, 0.04;
   const MountEstimate found = estimate_mount(nominal, corners_of(changed(nominal, truth), lens, random), "s");
   CHECK((found.change - truth).topRows<3>().cwiseAbs().maxCoeff() < 0.35);
-  CHECK((found.change - truth).bottomRows<3>().cwiseAbs().maxCoeff() < 0.02);
+  CHECK((found.change - truth).bottomRows<3>().cwiseAbs().maxCoeff() < 0.03);
   CHECK(says(mount_text(found), "camera"));
   CHECK_FALSE(says(mount_text(found), "warning"));
 
-  truth.col(3) << 0, -3, 0, 0, 0, 0;
+  truth.col(3) << 5, 0, 0, 0, 0, 0;
   const MountEstimate odd = estimate_mount(nominal, corners_of(changed(nominal, truth), lens, random), "s");
   CHECK(says(mount_text(odd), "warning: the low marker is "));
 }

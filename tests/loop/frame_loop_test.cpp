@@ -138,6 +138,17 @@ TEST_CASE("loop: recorded plates go through all stages into the registers") {
   CHECK((std::uint32_t{image.words[36]} << 16 | image.words[37]) == model().checksum);
 }
 
+TEST_CASE("loop: where the mount was measured, the rest is known without a zero") {
+  const auto radius = [](bool rest_is_known, const std::optional<MountModel>& mount) {
+    LoopSettings settings;
+    settings.rest_is_known = rest_is_known;
+    settings.mount = mount;
+    return Feeder(std::nullopt, settings).step(touched()).words[8];
+  };
+  CHECK(radius(false, std::nullopt) > radius(true, std::nullopt));
+  CHECK(radius(false, model().mount) == radius(true, std::nullopt));
+}
+
 TEST_CASE("loop: its settings reach the solver and the registers") {
   LoopSettings settings{.shape = {.tier = ShapeSettings::Tier::kMap}, .runtime = {}};
   settings.runtime[kWordOrder] = 1;

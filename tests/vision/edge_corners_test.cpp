@@ -201,6 +201,52 @@ TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
   for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.15F);
 }
 
+TEST_CASE("corners: a highlight that hides a part of an edge does not move it") {
+  const Lens camera = camera_640x480();
+  PaintedMarker marker;
+  marker.T_camera_marker =
+      Eigen::Translation3d(0, 0, 70) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
+  Image image(camera, Paint{});
+  image.add(marker);
+  std::vector<std::uint8_t> grey = image.develop(5);
+  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
+  // On one half of an edge, a spot that ink and paper reflect alike; the picture ends at 255.
+  const Vec2f spot = truth[0] + 0.25F * (truth[1] - truth[0]);
+  for (int y = 0; y < camera.height_px; ++y) {
+    for (int x = 0; x < camera.width_px; ++x) {
+      std::uint8_t& pixel = grey[static_cast<std::size_t>(y * camera.width_px + x)];
+      const float off_sq = (Vec2f(static_cast<float>(x), static_cast<float>(y)) - spot).squaredNorm();
+      pixel = static_cast<std::uint8_t>(std::min(255.0F, static_cast<float>(pixel) + 120 * std::exp(-off_sq / 50)));
+    }
+  }
+  std::array<Vec2f, 4> corners = truth;
+  REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
+  for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.15F);
+}
+
+TEST_CASE("corners: glare along a whole edge, whose paper is brighter than the picture can show, hardly moves it") {
+  const Lens camera = camera_640x480();
+  PaintedMarker marker;
+  marker.T_camera_marker =
+      Eigen::Translation3d(0, 0, 90) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
+  Image image(camera, Paint{});
+  image.add(marker);
+  std::vector<std::uint8_t> grey = image.develop(5);
+  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
+  const float edge_y = std::max(truth[0].y(), truth[2].y());
+  for (int y = 0; y < camera.height_px; ++y) {
+    for (int x = 0; x < camera.width_px; ++x) {
+      std::uint8_t& pixel = grey[static_cast<std::size_t>(y * camera.width_px + x)];
+      const float from_peak_px = static_cast<float>(y) - edge_y - 4;
+      pixel = static_cast<std::uint8_t>(
+          std::min(255.0F, static_cast<float>(pixel) + 140 * std::exp(-from_peak_px * from_peak_px / 100)));
+    }
+  }
+  std::array<Vec2f, 4> corners = truth;
+  REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
+  for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.25F);
+}
+
 TEST_CASE("corners: without edges there are no corners") {
   const Lens camera = camera_640x480();
   const std::vector<std::uint8_t> flat(640 * 480, 120);

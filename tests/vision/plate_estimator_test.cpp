@@ -128,6 +128,73 @@ TEST_CASE("plates: the stated noise equals the actual error, also with fewer pla
   }
 }
 
+namespace {
+
+/// How a finger rests whose markers look `further` times as far from the camera, because they were printed smaller.
+ZeroPose small_print(float further) {
+  ZeroPose rest{};
+  const MountModel mount = test_mount();
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    rest[p].displacement_mm =
+        (further - 1) * (mount.T_finger_marker[p].translation() - mount.T_finger_camera.translation());
+  }
+  return rest;
+}
+
+PoseVectord numbers_of(const ZeroPose& rest) {
+  PoseVectord numbers;
+  for (int p = 0; p < kPlates; ++p) {
+    const PlateMotion& plate = rest[static_cast<std::size_t>(p)];
+    numbers.segment<6>(6 * p) << plate.displacement_mm.cast<double>(), plate.rotation_rad.cast<double>();
+  }
+  return numbers;
+}
+
+/// Of a plate's six numbers the places, RMS.
+double place_error_mm(const PoseVectord& found, const PoseVectord& truth) {
+  double sum_sq = 0;
+  for (int p = 0; p < kPlates; ++p) sum_sq += (found - truth).segment<3>(6 * p).squaredNorm() / kPlates;
+  return std::sqrt(sum_sq);
+}
+
+}  // namespace
+
+TEST_CASE("plates: a finger that rests elsewhere is found there, not pulled towards the pack's touches") {
+  const TestPrior prior;
+  const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(9);
+  double pulled_sq = 0, at_rest_sq = 0;
+  constexpr int kTimes = 100;
+  const PoseVectord truth = numbers_of(small_print(1.015F));
+  for (int i = 0; i < kTimes; ++i) {
+    PlateSight sight = sight_of(truth, {true, true, true}, 0.05, random);
+    const PoseVectord pulled = estimator.estimate(sight, truth, 6);
+    pulled_sq += std::pow(place_error_mm(pulled, truth), 2) / kTimes;
+    at_rest_sq += std::pow(place_error_mm(estimator.estimate_at_rest(sight, pulled), truth), 2) / kTimes;
+  }
+  INFO(std::sqrt(pulled_sq), " and ", std::sqrt(at_rest_sq), " mm");
+  CHECK(std::sqrt(at_rest_sq) < 0.7 * std::sqrt(pulled_sq));
+}
+
+TEST_CASE("plates: motions of a finger that rests elsewhere are as probable as those of one that rests as the model") {
+  const TestPrior prior;
+  PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
+  Random random(10);
+  const ZeroPose rest = small_print(1.015F);
+  double before_sq = 0, after_sq = 0;
+  constexpr int kTimes = 100;
+  for (int i = 0; i < kTimes; ++i) {
+    const PoseVectord truth = prior.draw(random) + numbers_of(rest);
+    PlateSight sight = sight_of(truth, {true, true, true}, 0.05, random);
+    estimator.set_rest({});
+    before_sq += std::pow(place_error_mm(estimator.estimate(sight, truth, 6), truth), 2) / kTimes;
+    estimator.set_rest(rest);
+    after_sq += std::pow(place_error_mm(estimator.estimate(sight, truth, 6), truth), 2) / kTimes;
+  }
+  INFO(std::sqrt(before_sq), " and ", std::sqrt(after_sq), " mm");
+  CHECK(std::sqrt(after_sq) < 0.7 * std::sqrt(before_sq));
+}
+
 TEST_CASE("plates: an outlying corner moves its plate little") {
   const TestPrior prior;
   const PlateEstimator estimator(test_mount(), prior.view(), kFocalPx);
