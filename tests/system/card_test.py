@@ -279,7 +279,7 @@ class Update(Case):
             process = subprocess.Popen(["sh", ROOT / "usr/sbin/finsight-update", self.file], start_new_session=True,
                                        env={**os.environ, **self.environment}, stdout=subprocess.DEVNULL,
                                        stderr=subprocess.DEVNULL)
-            time.sleep(chance.uniform(0, 1.2 * whole))
+            time.sleep(chance.uniform(0, 2 * whole))  # more than the whole: the machine may have become slower
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
             record = self.record()
