@@ -26,7 +26,6 @@ constexpr double kDegPerRad = 180 / std::numbers::pi;
 // How well parts are made: a camera held by its screws, a marker glued to a moulded plate, a print's size.
 constexpr double kCameraMm = 2, kCameraRad = 3 / kDegPerRad, kMarkerMm = 0.3, kMarkerRad = 2 / kDegPerRad,
                  kPrintShare = 0.01;
-constexpr double kLinearFromSigmas = 3;  // corners that a highlight has moved further pull with a constant force
 
 constexpr int kPlaces = 1 + kPlates, kPrint = 6 * kPlaces, kNumbers = kPrint + 1, kCoordinates = 8 * kPlates;
 using Numbers = Eigen::Matrix<double, kNumbers, 1>;  // per place: shift, rotation vector; in the finger frame; print
@@ -80,8 +79,7 @@ Residuals residuals(const MountModel& nominal, const RestingCorners& seen, const
 Residuals weights(const Residuals& r) {
   Residuals weight = Residuals::Ones();
   for (int corner = 0; corner < kCoordinates / 2; ++corner) {
-    const double sigmas = r.segment<2>(2 * corner).norm() / kLinearFromSigmas;
-    weight.segment<2>(2 * corner).setConstant(1 / std::sqrt(1 + sigmas * sigmas));
+    weight.segment<2>(2 * corner).setConstant(corner_weight(r.segment<2>(2 * corner).squaredNorm()));
   }
   return weight;
 }

@@ -20,7 +20,7 @@ constexpr float kStepPx = 0.5F;  // between the samples of a profile
 // than kReachPx, which contains the blur and any error of the coarse corners.
 constexpr float kModules = 6;  // along a side of the marker
 constexpr float kReach = 0.55F, kReachPx = 6;
-constexpr float kBrightest = 253;        // grey levels; brighter ones may be cut off
+constexpr float kCutOffGrey = 253;       // grey levels; brighter ones may be cut off
 constexpr float kSmallestContrast = 10;  // grey levels
 // An edge whose profiles differ by more than this share of their rise lies in glare; one that rises by less than this
 // share of what most of them do is cut off by the brightest grey.
@@ -82,7 +82,7 @@ bool find_rise(const ImageView& image, const Vec2f& centre, const Vec2f& reach, 
   // This moment of m^2, as of anything even, is 0, too, so that a highlight's curvature does not move the edge.
   found.middle_in_glare = moment_in_glare / rise;
   found.height = rise;
-  found.is_cut_off = brightest > kBrightest;
+  found.is_cut_off = brightest > kCutOffGrey;
   found.level = sum / static_cast<float>(2 * steps + 1);
   found.width_sq = square / rise - found.middle * found.middle;
   return std::abs(found.middle) < 1;
@@ -103,16 +103,16 @@ bool find_foot(const ImageView& image, const Vec2f& centre, const Vec2f& reach, 
   constexpr float kFoot = 0.3F, kFootSigmas = 0.524F;  // the normal distribution's value there, below its middle
   const int ink = steps / 2 + 1;                       // samples that are taken for ink: the inner quarter
   const float step = 1.0F / static_cast<float>(steps);
+  const float middle = static_cast<float>(ink - 1) / 2;
   float mean = 0, slope = 0, norm = 0, above_before = 0;
   const auto light_at = [&](int i) {
     const float at = -1 + static_cast<float>(i) * step;
     return light_of(image.sample(centre.x() + at * reach.x(), centre.y() + at * reach.y()), image.coding);
   };
-  const float middle = static_cast<float>(ink - 1) / 2;
-  for (int i = 0; i < ink; ++i) mean += light_at(i) / static_cast<float>(ink);
   for (int i = 0; i < ink; ++i) {
-    const float off = static_cast<float>(i) - middle;
-    slope += off * (light_at(i) - mean);
+    const float off = static_cast<float>(i) - middle, light = light_at(i);
+    mean += light / static_cast<float>(ink);
+    slope += off * light;
     norm += off * off;
   }
   slope = norm > 0 ? slope / norm : 0;

@@ -19,8 +19,9 @@ class Observer {
         poses_(mount, prior, in_single_precision(lens)) {}
 
   /// What the frame shows. Poses are motions from the model's rest; invalid in an image that repeats an earlier one.
-  /// `zero` is where the rigid motion of the whole finger, if all plates are seen, is counted from. Allocates (OpenCV
-  /// does), never throws.
+  /// `zero` is where the rigid motion of the whole finger, if all plates are seen, is counted from, and the prior's
+  /// motions; `is_zeroing`: nothing touches the finger, whose rest is being measured. Allocates (OpenCV does), never
+  /// throws.
   Observation observe(const Frame& frame, const ZeroPose& zero, bool is_zeroing = false);
   /// Those of the last image that did not repeat an earlier one, as they are in it.
   const MarkerCorners& corners() const { return markers_.last(); }

@@ -20,7 +20,6 @@ using Eigen::Vector3d;
 constexpr double kSlackMm = 3, kSlackRad = 0.15;
 // How far from the model's rest a marker may rest by itself: how it is stuck on, and the finger's own shape.
 constexpr double kOwnRestMm = 0.3, kOwnRestRad = 0.04;
-constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
 // Corners further off than this pull with a constant force. Pseudo-Huber is convex, so the prior cannot outvote the
 // corners of a finger that is where no touch brings it.
 constexpr double kLinearFromSigmas = 3;
@@ -29,11 +28,11 @@ constexpr int kStepsWithScatter = 2;  // the scatter changes little: only the co
 constexpr int kStepsAtRest = 3;       // from the estimate with the pack's prior, which is near
 constexpr double kMinSigmaPx = 0.01, kMaxSigmaPx = 1;
 
+}  // namespace
+
 double corner_weight(double sigmas_sq) {
   return 1 / std::sqrt(1 + sigmas_sq / (kLinearFromSigmas * kLinearFromSigmas));
 }
-
-}  // namespace
 
 PlateEstimator::PlateEstimator(const MountModel& mount, const PlatePrior& prior, double focal_px)
     : T_camera_finger_(mount.T_finger_camera.cast<double>().inverse()),

@@ -10,6 +10,12 @@ namespace finsight {
 /// Prior standard deviation of a corner: 0.02 to 0.03 pixels are measured in rendered images with the blur and noise of
 /// a good camera; the rest allows for the lens calibration and the print.
 inline constexpr double kCornerSigmaPx = 0.05;
+/// Corners nearer to the lens than this are not projected.
+inline constexpr double kNearestMm = 1;
+
+/// Of a corner's squared residual, which is this many squared standard deviations: pseudo-Huber's, which falls where a
+/// corner lies further off than noise moves it.
+double corner_weight(double sigmas_sq);
 
 /// What the camera sees of the plates: the rays to the corners of every seen marker, and how much they scatter.
 struct PlateSight {

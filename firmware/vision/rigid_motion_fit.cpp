@@ -15,7 +15,6 @@ using Eigen::Vector3d;
 
 constexpr int kNewtonSteps = 3;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNearestMm = 1;  // corners nearer to the lens than this are not projected
 
 }  // namespace
 

@@ -299,7 +299,7 @@ def camera_difference(words, expected):
 
 
 def images_of(blocks, reference, shift):
-    """[(words, the image's number)] of blocks by frame, and how many images were lost on the way.
+    """[(words, the workstation's words for that image)] of blocks by frame, and how many images were lost on the way.
 
     The first block shows the image `shift` after its frame's number. An emulator that gets too little of the processor loses
     one here and there, which no frame counts: from then on the shift is greater. A block that fits no image is taken for the

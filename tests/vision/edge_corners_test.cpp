@@ -61,6 +61,38 @@ std::array<Vec2f, 4> by_corner_sub_pix(const Lens& camera, std::vector<std::uint
   return corners;
 }
 
+/// A marker that faces the camera, in a picture that a test spoils.
+struct FacedMarker {
+  explicit FacedMarker(double distance_mm) {
+    PaintedMarker marker;
+    marker.T_camera_marker =
+        Eigen::Translation3d(0, 0, distance_mm) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
+    Image image(camera, Paint{});
+    image.add(marker);
+    grey = image.develop(5);
+    truth = true_corners(camera, marker);
+  }
+  /// Adds what ink and paper reflect alike, grey levels by place; the picture ends at 255.
+  template <class Glare>
+  void shine(const Glare& glare) {
+    for (int y = 0; y < camera.height_px; ++y) {
+      for (int x = 0; x < camera.width_px; ++x) {
+        std::uint8_t& pixel = grey[static_cast<std::size_t>(y * camera.width_px + x)];
+        const float light = static_cast<float>(pixel) + glare(Vec2f(static_cast<float>(x), static_cast<float>(y)));
+        pixel = static_cast<std::uint8_t>(std::min(255.0F, light));
+      }
+    }
+  }
+  void check_corners(float largest_px) {
+    std::array<Vec2f, 4> corners = truth;
+    REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
+    for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < largest_px);
+  }
+  Lens camera = camera_640x480();
+  std::vector<std::uint8_t> grey;
+  std::array<Vec2f, 4> truth;
+};
+
 }  // namespace
 
 TEST_CASE("corners: a few hundredths of a pixel from the truth, and far better than cornerSubPix") {
@@ -181,70 +213,29 @@ TEST_CASE("corners: the coding of grey levels, where it is known, does not move 
 }
 
 TEST_CASE("corners: dirt on a quarter of an edge does not bend it") {
-  const Lens camera = camera_640x480();
-  PaintedMarker marker;
-  marker.T_camera_marker =
-      Eigen::Translation3d(0, 0, 70) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
-  Image image(camera, Paint{});
-  image.add(marker);
-  std::vector<std::uint8_t> grey = image.develop(5);
-  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
-  const int y = static_cast<int>(truth[0].y());
-  const int x = static_cast<int>(truth[0].x() + 0.5F * (truth[1].x() - truth[0].x()));
+  FacedMarker seen(70);
+  const int y = static_cast<int>(seen.truth[0].y());
+  const int x = static_cast<int>(seen.truth[0].x() + 0.5F * (seen.truth[1].x() - seen.truth[0].x()));
   for (int row = y - 3; row < y; ++row) {
     for (int column = x; column < x + 10; ++column) {
-      grey[static_cast<std::size_t>(row * camera.width_px + column)] = 30;
+      seen.grey[static_cast<std::size_t>(row * seen.camera.width_px + column)] = 30;
     }
   }
-  std::array<Vec2f, 4> corners = truth;
-  REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
-  for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.15F);
+  seen.check_corners(0.15F);
 }
 
 TEST_CASE("corners: a highlight that hides a part of an edge does not move it") {
-  const Lens camera = camera_640x480();
-  PaintedMarker marker;
-  marker.T_camera_marker =
-      Eigen::Translation3d(0, 0, 70) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
-  Image image(camera, Paint{});
-  image.add(marker);
-  std::vector<std::uint8_t> grey = image.develop(5);
-  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
-  // On one half of an edge, a spot that ink and paper reflect alike; the picture ends at 255.
-  const Vec2f spot = truth[0] + 0.25F * (truth[1] - truth[0]);
-  for (int y = 0; y < camera.height_px; ++y) {
-    for (int x = 0; x < camera.width_px; ++x) {
-      std::uint8_t& pixel = grey[static_cast<std::size_t>(y * camera.width_px + x)];
-      const float off_sq = (Vec2f(static_cast<float>(x), static_cast<float>(y)) - spot).squaredNorm();
-      pixel = static_cast<std::uint8_t>(std::min(255.0F, static_cast<float>(pixel) + 120 * std::exp(-off_sq / 50)));
-    }
-  }
-  std::array<Vec2f, 4> corners = truth;
-  REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
-  for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.15F);
+  FacedMarker seen(70);
+  const Vec2f spot = seen.truth[0] + 0.25F * (seen.truth[1] - seen.truth[0]);
+  seen.shine([&](const Vec2f& at) { return 120 * std::exp(-(at - spot).squaredNorm() / 50); });
+  seen.check_corners(0.15F);
 }
 
 TEST_CASE("corners: glare along a whole edge, whose paper is brighter than the picture can show, hardly moves it") {
-  const Lens camera = camera_640x480();
-  PaintedMarker marker;
-  marker.T_camera_marker =
-      Eigen::Translation3d(0, 0, 90) * Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX());
-  Image image(camera, Paint{});
-  image.add(marker);
-  std::vector<std::uint8_t> grey = image.develop(5);
-  const std::array<Vec2f, 4> truth = true_corners(camera, marker);
-  const float edge_y = std::max(truth[0].y(), truth[2].y());
-  for (int y = 0; y < camera.height_px; ++y) {
-    for (int x = 0; x < camera.width_px; ++x) {
-      std::uint8_t& pixel = grey[static_cast<std::size_t>(y * camera.width_px + x)];
-      const float from_peak_px = static_cast<float>(y) - edge_y - 4;
-      pixel = static_cast<std::uint8_t>(
-          std::min(255.0F, static_cast<float>(pixel) + 140 * std::exp(-from_peak_px * from_peak_px / 100)));
-    }
-  }
-  std::array<Vec2f, 4> corners = truth;
-  REQUIRE(refine_corners({grey.data(), camera.width_px, camera.height_px, camera.width_px}, camera, corners));
-  for (std::size_t k = 0; k < 4; ++k) CHECK((corners[k] - truth[k]).norm() < 0.25F);
+  FacedMarker seen(90);
+  const float edge_y = std::max(seen.truth[0].y(), seen.truth[2].y());
+  seen.shine([&](const Vec2f& at) { return 140 * std::exp(-std::pow(at.y() - edge_y - 4, 2.0F) / 100); });
+  seen.check_corners(0.25F);
 }
 
 TEST_CASE("corners: without edges there are no corners") {
