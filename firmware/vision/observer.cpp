@@ -9,7 +9,7 @@ Observation Observer::observe(const Frame& frame, const ZeroPose& zero, bool is_
   markers_.find(frame);
   poses_.set_rest(zero, is_zeroing);
   seen.poses = poses_.estimate(markers_.last(), markers_.edges());
-  const bool found_more = seen.poses.quality == Quality::kFresh && look_again(frame, seen.poses.seen);
+  const bool found_more = seen.poses.quality == Quality::kFresh && find_missing(frame, seen.poses.seen);
   // What was found again, or that rows are of different times, makes other poses.
   MarkerCorners corners = markers_.last();
   shutter_.straighten(frame, corners);
@@ -19,7 +19,7 @@ Observation Observer::observe(const Frame& frame, const ZeroPose& zero, bool is_
 }
 
 /// Where the others say that a missing marker should be.
-bool Observer::look_again(const Frame& frame, const std::array<bool, kPlates>& seen) {
+bool Observer::find_missing(const Frame& frame, const std::array<bool, kPlates>& seen) {
   bool found = false;
   for (std::size_t p = 0; p < kPlates; ++p) {
     if (seen[p] || markers_.last().seen[p]) continue;

@@ -27,7 +27,7 @@ class Observer {
   const MarkerCorners& corners() const { return markers_.last(); }
 
  private:
-  bool look_again(const Frame& frame, const std::array<bool, kPlates>& seen);
+  bool find_missing(const Frame& frame, const std::array<bool, kPlates>& seen);
 
   ImageCheck check_;
   RollingShutter shutter_;

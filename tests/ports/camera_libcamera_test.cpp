@@ -149,8 +149,9 @@ TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES
     }
   }
 
-  TEST_CASE("libcamera: a thousand reopenings leak neither memory nor files") {
-    constexpr int kWarmUp = 100, kReopenings = 1000;
+  TEST_CASE("libcamera: two thousand reopenings leak neither memory nor files") {
+    // The sanitizer's allocator keeps growing for some hundreds of openings, by a few KB each.
+    constexpr int kWarmUp = 1000, kReopenings = 2000;
     std::size_t files = 0;
     long memory_kb = 0;
     for (int i = 0; i < kReopenings; ++i) {
@@ -163,7 +164,7 @@ TEST_SUITE("virtual camera" * doctest::skip(std::getenv("FINSIGHT_VIRTUAL_FRAMES
         const long more_kb = resident_kb() - memory_kb;
         MESSAGE(memory_kb << " KB resident after " << kWarmUp << " openings, " << more_kb << " KB more after "
                           << i + 1);
-        CHECK(more_kb < 4000);
+        CHECK(more_kb < 2500);
       }
     }
   }

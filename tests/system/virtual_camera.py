@@ -22,7 +22,10 @@ TRIXIE = SOURCE / "build" / "amd64-trixie"
 FRAMES = WORK / "virtual-camera"    # the camera's JPEGs,
 PICTURES = WORK / "virtual-images"  # what it makes of them,
 SESSION = WORK / "virtual-session"    # and as a session
-CHOSEN = (0, 70, 110, 150)  # of the rendered frames
+# Of the rendered frames: more than ImageCheck remembers, and a prime number, so that a firmware that comes to every second
+# or third picture only still sees them in turn, not the same few again and again.
+CHOSEN = (0, 70, 85, 100, 115, 130, 150)
+OF_ONE_IMAGE = [k for k in range(5, 20) if k not in (8, 10)]  # the uncertainties also depend on how fast it changes
 SKIPPED = 77
 
 
@@ -34,7 +37,7 @@ def run(*words, **options):
 
 
 def make_frames():
-    """Four rendered frames as the camera's JPEGs (it takes nothing else), and what it makes of them: PGMs, a session."""
+    """Rendered frames as the camera's JPEGs (it takes nothing else), and what it makes of them: PGMs, a session."""
     rendered = WORK / "virtual-rendered"
     run(BINARIES / "hostgen", "render", SPEC, "-o", rendered, "--seconds", 3)
     width, height, images = read_images(rendered)
@@ -81,6 +84,10 @@ def furthest(a, b):
     return max(abs(x - y) for x, y in zip(signed(a), signed(b)))
 
 
+def of_one_image(row):
+    return [row[k] for k in OF_ONE_IMAGE]
+
+
 class VirtualCamera(unittest.TestCase):
     def setUp(self):
         for name in ("camera", "replay"):
@@ -117,7 +124,7 @@ class VirtualCamera(unittest.TestCase):
         seen = set()
         frames = rows(WORK / "virtual-camera.csv")
         for row in frames:
-            distances = [furthest(row[5:20], one[5:20]) for one in expected]
+            distances = [furthest(of_one_image(row), of_one_image(one)) for one in expected]
             nearest = min(range(len(expected)), key=lambda k: distances[k])
             self.assertLessEqual(distances[nearest], 5, "counts")
             seen.add(nearest)
