@@ -41,13 +41,18 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
                      .description = {},
                      .gravity_g = settings.fixed_g,
                      .coding = settings.camera.coding,
-                     .readout_ms = settings.camera.readout_ms};
+                     .readout_ms = settings.camera.readout_ms.value_or(0)};
 }
 
 void complete_from_source(const Settings& settings, const std::optional<SessionInfo>& images, LoopSettings& loop) {
   const bool is_recorded_motion = settings.source == Settings::Source::kPoses;
   loop.rest_is_known = is_recorded_motion || images->from_rest;
   if (images) loop.readout_ms = images->readout_ms;
+  if (settings.source == Settings::Source::kCamera && !settings.camera.readout_ms) {
+    log_message(settings.name,
+                "readout_ms is not told (board file, [source]): taken for a camera with a global shutter; behind a rolling "
+                "one touches of a finger that moves fast are less sure than they say");
+  }
   loop.fixed_g = settings.fixed_g;
   if (settings.fixed_g || settings.gravity_max_age_ms > 0) return;
   loop.fixed_g = is_recorded_motion ? std::optional(Vec3f(0, 0, 0)) : images->gravity_g;

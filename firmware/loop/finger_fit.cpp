@@ -5,16 +5,59 @@
 
 namespace finsight {
 
-std::array<float, FitValues::kTerms> offset_terms(const FitValues& fit, const Vec3f& point_mm) {
+std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f& point_mm) {
   const float u = (point_mm.x() - fit.face_middle_mm.x()) / fit.face_half_mm[0];
   const float v = (point_mm.y() - fit.face_middle_mm.y()) / fit.face_half_mm[1];
   return {1, u, v, v * v};
 }
 
+float force_scale_at(const FitValues& fit, const Vec3f& point_mm) {
+  const auto terms = fit_terms(fit, point_mm);
+  float slope = 0;
+  for (std::size_t i = 0; i < fit.force_slope.size(); ++i) slope += fit.force_slope[i] * terms[i + 1];
+  return fit.force_scale * std::exp(slope);
+}
+
+Hysteresis::Hysteresis(const FitValues& fit) : force_range_n_(fit.force_range_n) {
+  // Half-way back from the full force every play up to a quarter of it has turned round and lags twice its width.
+  float widest = 0;
+  for (const float width : kPlays) widest += 2 * std::min(width, 0.25F);
+  weight_ = fit.hysteresis / widest;
+  for (std::size_t i = 0; i < kPlays.size(); ++i) play_n_[i] = kPlays[i] * force_range_n_;
+  zero();
+}
+
+float Hysteresis::elastic_n(float force_n) const {
+  float elastic_n = force_n - at_zero_n_;
+  for (std::size_t i = 0; i < kPlays.size(); ++i) {
+    const float width_n = kPlays[i] * force_range_n_;
+    elastic_n += weight_ * (std::clamp(play_n_[i], force_n - width_n, force_n + width_n) - force_n);
+  }
+  return elastic_n;
+}
+
+// elastic_n() rises by 1 per newton, less up to a share that each play takes: the iteration shrinks the error by that.
+float Hysteresis::force_n(float elastic_n) {
+  constexpr int kIterations = 12;
+  float force_n = elastic_n;
+  for (int i = 0; i < kIterations; ++i) force_n += elastic_n - this->elastic_n(force_n);
+  force_n = std::max(force_n, 0.0F);  // below the threshold of touches, where 0 is said instead of what is left
+  for (std::size_t i = 0; i < kPlays.size(); ++i) {
+    const float width_n = kPlays[i] * force_range_n_;
+    play_n_[i] = std::clamp(play_n_[i], force_n - width_n, force_n + width_n);
+  }
+  return force_n;
+}
+
+void Hysteresis::zero() {
+  force_n(0);
+  at_zero_n_ += elastic_n(0);
+}
+
 // A standard linear solid: a constant force bends it like the elastic force f (1 + c (1 - exp(-t / T))). Solved for f,
 // that is the elastic force less a share c / (1 + c) of its low-pass with the time constant T / (1 + c). Without a
 // touch the elastic force counts as 0: what is left of it is below the threshold at which touches are published.
-float FingerFit::recovered(float force_n, std::int64_t exposure_ns) {
+float FingerFit::without_creep(float force_n, std::int64_t exposure_ns) {
   constexpr double kSecondsPerNs = 1e-9;
   if (fit_.creep_share <= 0) return force_n;
   const float after_s =
@@ -25,18 +68,27 @@ float FingerFit::recovered(float force_n, std::int64_t exposure_ns) {
   return force_n - fit_.creep_share / (1 + fit_.creep_share) * lagging_n_;
 }
 
+void FingerFit::reset() {
+  lagging_n_ = 0;
+  last_ns_ = 0;
+  hysteresis_.zero();
+}
+
 void FingerFit::apply(const Eigen::Matrix3f& face_axes, std::int64_t exposure_ns, Touch& touch) {
   const bool is_touched = touch.quality != Quality::kInvalid && touch.force_n > 0;
-  const float force_n = recovered(is_touched ? touch.force_n : 0, exposure_ns);
+  const float scale = force_scale_at(fit_, touch.point_mm);
+  const float elastic_n =
+      is_touched ? scale * without_creep(touch.force_n, exposure_ns) : without_creep(0, exposure_ns);
+  const float force_n = hysteresis_.force_n(elastic_n);
   if (touch.quality == Quality::kInvalid) return;
-  const float factor = fit_.force_scale * (is_touched ? std::max(force_n / touch.force_n, 0.0F) : 1);
+  const float factor = is_touched ? std::max(force_n / touch.force_n, 0.0F) : scale;
   touch.force_n *= factor;
   for (Vec3f* vector : {&touch.force_vector_n, &touch.wrench_force_n, &touch.moment_nm}) *vector *= factor;
-  touch.force_sigma_n *= fit_.force_scale;
+  touch.force_sigma_n *= scale;
   for (Vec3f* sigma : {&touch.force_vector_sigma_n, &touch.wrench_force_sigma_n, &touch.moment_sigma_nm}) {
-    *sigma *= fit_.force_scale;
+    *sigma *= scale;
   }
-  const auto terms = offset_terms(fit_, touch.point_mm);
+  const auto terms = fit_terms(fit_, touch.point_mm);
   float across_mm = 0, along_mm = 0;
   for (std::size_t i = 0; i < terms.size(); ++i) {
     across_mm += fit_.across_mm[i] * terms[i];

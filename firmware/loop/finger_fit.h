@@ -12,12 +12,19 @@ namespace finsight {
 struct FitValues {
   std::uint32_t model_checksum = 0;  ///< of the pack that it was measured with
   std::uint16_t fitted_on = 0;       ///< days since 2000-01-01
-  float force_scale = 1;             ///< force over what the pack says
-  float force_sigma = 0;             ///< relative standard deviation of forces that the fit leaves
-  float force_scale_sigma = 0;       ///< that of force_scale itself
+  /// Force over what the pack says, in the middle of the face. Elsewhere its logarithm is greater by
+  /// s0 u + s1 v + s2 v^2, u and v being -1 to 1 over the face: walls and markers change a finger here and there.
+  float force_scale = 1;
+  std::array<float, 3> force_slope{};
+  float force_sigma = 0;        ///< relative standard deviation of forces that the fit leaves
+  float force_scale_sigma = 0;  ///< that of force_scale itself
   /// A force that lasts bends the finger further, by this share in the end; 0: not known.
   float creep_share = 0;
   float creep_s = 1;  ///< time constant of that
+  /// A finger bends less under a force that grows than under one that falls: widest gap between the two, which is
+  /// half-way back from `force_range_n`, over that; 0: none.
+  float hysteresis = 0;
+  float force_range_n = 1;
   /// How far touches are published beside where they are, across the finger and along it, as polynomials of the place:
   /// offset = c0 + c1 u + c2 v + c3 v^2, u and v being -1 to 1 over the face.
   static constexpr int kTerms = 4;
@@ -27,21 +34,45 @@ struct FitValues {
   float touch_radius_mm = 0;                ///< 68 % of what this leaves of the touches' offset is smaller
 };
 
-/// The polynomials' terms at a touch.
-std::array<float, FitValues::kTerms> offset_terms(const FitValues& fit, const Vec3f& point_mm);
+/// 1, u, v and v^2 at a touch.
+std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f& point_mm);
+/// Force over what the pack says, at a touch.
+float force_scale_at(const FitValues& fit, const Vec3f& point_mm);
+
+/// The force of a material with dry friction inside, from the force that would bend an elastic one so: an inverted
+/// operator of Prandtl and Ishlinskii. Starts as one that was bent before and let go.
+class Hysteresis {
+ public:
+  explicit Hysteresis(const FitValues& fit);
+  /// Once per frame, as what came before counts. `elastic_n` is 0 at the last zero.
+  float force_n(float elastic_n);
+  /// The force that would bend an elastic finger as `force_n` would bend this one now.
+  float elastic_n(float force_n) const;
+  /// The finger is let go: `elastic_n` counts from here.
+  void zero();
+
+ private:
+  static constexpr std::array<float, 3> kPlays = {0.03F, 0.1F, 0.3F};  ///< how far each lags, of the range of force
+
+  float weight_, force_range_n_;
+  std::array<float, kPlays.size()> play_n_{};
+  float at_zero_n_ = 0;
+};
 
 class FingerFit {
  public:
-  explicit FingerFit(const FitValues& fit) : fit_(fit) {}
+  explicit FingerFit(const FitValues& fit) : fit_(fit), hysteresis_(fit) {}
 
   /// Once per frame with fresh plates: corrects the touch, if there is one. `face_axes`: columns normal, across, along.
   void apply(const Eigen::Matrix3f& face_axes, std::int64_t exposure_ns, Touch& touch);
-  void reset() { *this = FingerFit(fit_); }
+  /// The finger is let go and was zeroed.
+  void reset();
 
  private:
-  float recovered(float force_n, std::int64_t exposure_ns);
+  float without_creep(float force_n, std::int64_t exposure_ns);
 
   FitValues fit_;
+  Hysteresis hysteresis_;
   float lagging_n_ = 0;  ///< low-pass of the force that bends an elastic finger so
   std::int64_t last_ns_ = 0;
 };

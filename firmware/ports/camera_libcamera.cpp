@@ -391,7 +391,7 @@ class LibcameraCamera : public Camera {
     if (sensor_ns && (*sensor_ns > now || *sensor_ns < now - kOldestNs)) sensor_ns.reset();
     const std::optional<std::int32_t> measured_us = metadata.get(controls::ExposureTime);
     const std::int64_t exposure_us = measured_us.value_or(settings_.exposure_us.value_or(0));
-    const auto readout_ns = static_cast<std::int64_t>(settings_.readout_ms * kNsPerMs);
+    const auto readout_ns = static_cast<std::int64_t>(settings_.readout_ms.value_or(0) * kNsPerMs);
     frame.exposure_ns = std::min(sensor_ns.value_or(now) + exposure_us * 500 + readout_ns / 2, now);
     const libcamera::FrameMetadata* buffer = metadata_of(*shown_);
     frame.sequence = buffer ? buffer->sequence : shown_->sequence();

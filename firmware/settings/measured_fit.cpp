@@ -1,5 +1,6 @@
 #include "firmware/settings/measured_fit.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 
@@ -68,10 +69,18 @@ FitValues read_measured_fit(TomlTable table) {
   if (fit.fitted_on == 0) throw InputError(table.where("date"), "date", std::to_string(date), "a day such as 20261123");
   fit.force_scale = read_number(table, "force_scale", 0.1, 10);
   fit.force_scale_sigma = read_number(table, "force_scale_sigma", 0, 1);
+  if (table.has("force_slope")) {
+    std::ranges::transform(table.numbers("force_slope", fit.force_slope.size(), -1, 1), fit.force_slope.begin(),
+                           [](double slope) { return static_cast<float>(slope); });
+  }
   fit.force_sigma = read_number(table, "force_sigma", 0, 1);
   if (table.has("creep_share") || table.has("creep_s")) {
     fit.creep_share = read_number(table, "creep_share", 0, 1);
     fit.creep_s = read_number(table, "creep_s", 0.1, 10'000);
+  }
+  if (table.has("hysteresis") || table.has("force_range_n")) {
+    fit.hysteresis = read_number(table, "hysteresis", 0, 0.3);
+    fit.force_range_n = read_number(table, "force_range_n", 0.01, 10'000);
   }
   fit.across_mm = read_terms(table, "across_mm");
   fit.along_mm = read_terms(table, "along_mm");
@@ -93,15 +102,20 @@ std::string measured_fit_toml(const FitValues& fit) {
   };
   text += "model = \"" + checksum_text(fit.model_checksum) + "\"  # of the pack that it was measured with\n";
   text += "date = " + std::to_string(date_of(fit.fitted_on)) + "\n";
-  add("force_scale", fit.force_scale, "force over what the pack says");
+  add("force_scale", fit.force_scale, "force over what the pack says, in the middle of the face");
   add("force_scale_sigma", fit.force_scale_sigma, "its standard deviation");
+  text += "# Its logarithm grows by s0 u + s1 v + s2 v^2, u and v from -1 to 1 over the face.\n";
+  add_numbers(text, "force_slope", fit.force_slope);
   add("force_sigma", fit.force_sigma, "relative standard deviation of a force that remains");
   if (fit.creep_share > 0) {
     add("creep_share", fit.creep_share, "how much further a lasting force bends the finger in the end");
     add("creep_s", fit.creep_s, "time constant of that");
   }
-  text +=
-      "# How far touches are seen beside their place: c0 + c1 u + c2 v + c3 v^2, u and v from -1 to 1 over the face.\n";
+  if (fit.hysteresis > 0) {
+    add("hysteresis", fit.hysteresis, "widest gap between a growing and a falling force, of force_range_n");
+    add("force_range_n", fit.force_range_n, "of the finger");
+  }
+  text += "# How far touches are seen beside their place: c0 + c1 u + c2 v + c3 v^2.\n";
   add_numbers(text, "across_mm", fit.across_mm);
   add_numbers(text, "along_mm", fit.along_mm);
   add_numbers(text, "face_middle_mm", std::span(fit.face_middle_mm.data(), 3));

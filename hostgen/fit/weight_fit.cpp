@@ -22,9 +22,12 @@ using Terms = Eigen::Matrix<double, kTerms, 1>;
 const Terms kAcrossPrior_mm(0.3, 0.5, 0.2, 0.2);
 const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
 constexpr double kAcrossRest_mm = 0.45, kAlongRest_mm = 0.9;
-constexpr double kForceRest = 0.04;     // relative, of a force at another place than the weights'
-constexpr double kUnknownCreep = 0.06;  // relative deviation of forces of unknown age
-constexpr double kHysteresis = 0.047;
+// Of the force, relative, beside the pack's tolerance in the middle of the face; and what remains.
+const Eigen::Vector3d kForceSlopePrior(0.05, 0.12, 0.08);
+constexpr double kForceRest = 0.04;
+constexpr double kUnknownCreep = 0.06;      // relative deviation of forces of unknown age
+constexpr double kHysteresis = 0.02;        // relative deviation of forces that grew or fell before
+constexpr float kUsualHysteresis = 0.065F;  // of polyurethane: widest gap, of the full force
 
 constexpr double kSettling_s = 0.5;  // after a weight was hung up, and before it is taken off
 constexpr double kShortestHold_s = 2;
@@ -194,66 +197,82 @@ void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
   }
 }
 
-struct Offsets {
+/// Of a quantity over the face.
+struct Polynomial {
   Terms mean = Terms::Zero();
   Eigen::Matrix<double, kTerms, kTerms> covariance;
 };
 
-Offsets offsets(const Terms& prior_mm, double rest_mm, const std::vector<Terms>& terms,
-                const std::vector<double>& seen) {
-  Eigen::Matrix<double, kTerms, kTerms> information = prior_mm.cwiseAbs2().cwiseInverse().asDiagonal();
+/// `prior`, `rest`: standard deviations of the terms, and of what they do not describe.
+Polynomial polynomial(const Terms& prior, double rest, const std::vector<Terms>& terms,
+                      const std::vector<double>& seen) {
+  Eigen::Matrix<double, kTerms, kTerms> information = prior.cwiseAbs2().cwiseInverse().asDiagonal();
   Terms right = Terms::Zero();
   for (std::size_t i = 0; i < terms.size(); ++i) {
-    information += terms[i] * terms[i].transpose() / (rest_mm * rest_mm);
-    right += seen[i] * terms[i] / (rest_mm * rest_mm);
+    information += terms[i] * terms[i].transpose() / (rest * rest);
+    right += seen[i] * terms[i] / (rest * rest);
   }
-  Offsets found;
+  Polynomial found;
   found.covariance = information.inverse();
   found.mean = found.covariance * right;
   return found;
 }
 
 Terms terms_at(const FitValues& values, const Vec3f& point_mm) {
-  const auto terms = offset_terms(values, point_mm);
+  const auto terms = fit_terms(values, point_mm);
   return Eigen::Map<const Eigen::Matrix<float, kTerms, 1>>(terms.data()).cast<double>();
+}
+
+std::vector<Terms> terms_of(const WeightFit& fit) {
+  std::vector<Terms> terms;
+  for (const WeightHold& hold : fit.holds) terms.push_back(terms_at(fit.values, hold.point_mm));
+  return terms;
+}
+
+/// Mean variance over the face.
+double unknown_sq(const FitBasis& basis, const FitValues& values, const Polynomial& of) {
+  double sum = 0;
+  for (const JigHole& hole : basis.holes) {
+    const Terms at = terms_at(values, hole.contact_mm.cast<float>());
+    sum += at.dot(of.covariance * at) / static_cast<double>(basis.holes.size());
+  }
+  return sum;
 }
 
 /// Of both offsets together, where the weights were.
 void fit_offsets(const FitBasis& basis, WeightFit& fit) {
-  std::vector<Terms> terms;
   std::vector<double> across, along;
   for (const WeightHold& hold : fit.holds) {
-    terms.push_back(terms_at(fit.values, hold.point_mm));
     const Vec3f off_mm = hold.point_mm - hold.truth_mm;
     across.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(1))));
     along.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(2))));
   }
-  const Offsets x = offsets(kAcrossPrior_mm, kAcrossRest_mm, terms, across),
-                y = offsets(kAlongPrior_mm, kAlongRest_mm, terms, along);
+  const Polynomial x = polynomial(kAcrossPrior_mm, kAcrossRest_mm, terms_of(fit), across),
+                   y = polynomial(kAlongPrior_mm, kAlongRest_mm, terms_of(fit), along);
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.across_mm.data()) = x.mean.cast<float>();
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.along_mm.data()) = y.mean.cast<float>();
-  double unknown_sq = 0;
-  for (const JigHole& hole : basis.holes) {
-    const Terms at = terms_at(fit.values, hole.contact_mm.cast<float>());
-    unknown_sq += at.dot((x.covariance + y.covariance) * at) / static_cast<double>(basis.holes.size());
-  }
   fit.values.touch_radius_mm =
-      static_cast<float>(std::sqrt(unknown_sq + kAcrossRest_mm * kAcrossRest_mm + kAlongRest_mm * kAlongRest_mm));
+      static_cast<float>(std::sqrt(unknown_sq(basis, fit.values, x) + unknown_sq(basis, fit.values, y) +
+                                   kAcrossRest_mm * kAcrossRest_mm + kAlongRest_mm * kAlongRest_mm));
+}
+
+/// What the weight of a hold would have been for a finger without hysteresis.
+double elastic_n(const WeightFit& fit, const WeightHold& hold) {
+  return static_cast<double>(Hysteresis(fit.values).elastic_n(static_cast<float>(hold.force_n)));
 }
 
 void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightFit& fit) {
-  const double tolerance = static_cast<double>(basis.force_tolerance);
-  const double rest_sq = kForceRest * kForceRest;
-  double information = 1 / (tolerance * tolerance), sum = 0;
-  for (const WeightHold& hold : fit.holds) {
-    information += 1 / rest_sq;
-    sum += std::log(hold.force_n / hold.pack_force_n) / rest_sq;
-  }
-  fit.values.force_scale = static_cast<float>(std::exp(sum / information));
-  fit.values.force_scale_sigma = static_cast<float>(std::sqrt(1 / information));
+  Terms prior;
+  prior << static_cast<double>(basis.force_tolerance), kForceSlopePrior;
+  std::vector<double> scale;
+  for (const WeightHold& hold : fit.holds) scale.push_back(std::log(elastic_n(fit, hold) / hold.pack_force_n));
+  const Polynomial found = polynomial(prior, kForceRest, terms_of(fit), scale);
+  fit.values.force_scale = static_cast<float>(std::exp(found.mean[0]));
+  fit.values.force_scale_sigma = static_cast<float>(std::sqrt(found.covariance(0, 0)));
+  Eigen::Map<Vec3f>(fit.values.force_slope.data()) = found.mean.tail<3>().cast<float>();
   const double of_creep = creep ? std::min(creep->sigma, kUnknownCreep) : kUnknownCreep;
-  fit.values.force_sigma =
-      static_cast<float>(std::sqrt(1 / information + rest_sq + of_creep * of_creep + kHysteresis * kHysteresis));
+  fit.values.force_sigma = static_cast<float>(std::sqrt(unknown_sq(basis, fit.values, found) + kForceRest * kForceRest +
+                                                        of_creep * of_creep + kHysteresis * kHysteresis));
 }
 
 void note_errors(const FitBasis& basis, WeightFit& fit) {
@@ -261,7 +280,8 @@ void note_errors(const FitBasis& basis, WeightFit& fit) {
     Touch touch{.point_mm = hold.point_mm, .quality = Quality::kFresh};
     FingerFit(fit.values).apply(basis.face_axes, 1, touch);
     hold.touch_error_mm = touch.point_mm - hold.truth_mm;
-    hold.force_error = static_cast<double>(fit.values.force_scale) * hold.pack_force_n / hold.force_n - 1;
+    hold.force_error =
+        static_cast<double>(force_scale_at(fit.values, hold.point_mm)) * hold.pack_force_n / elastic_n(fit, hold) - 1;
   }
 }
 
@@ -296,6 +316,7 @@ FitBasis fit_basis(const FingerSpec& spec, const Model& model) {
   basis.face_middle_mm = Vec3f(0, static_cast<float>(middle_mm), static_cast<float>(spec.front_z.at(middle_mm)));
   basis.face_half_mm = {static_cast<float>(spec.half_width.at(middle_mm)),
                         static_cast<float>((spec.touch_y_mm[1] - spec.touch_y_mm[0]) / 2)};
+  basis.force_range_n = static_cast<float>(spec.force_n[1]);
   basis.force_tolerance = model.touch.stiffness_tolerance;
   basis.touch_tolerance_mm = model.touch.touch_tolerance_mm;
   return basis;
@@ -305,6 +326,8 @@ WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& re
   WeightFit fit;
   fit.values.model_checksum = basis.model_checksum;
   fit.values.fitted_on = today;
+  fit.values.hysteresis = kUsualHysteresis;
+  fit.values.force_range_n = basis.force_range_n;
   fit.values.face_middle_mm = basis.face_middle_mm;
   fit.values.face_half_mm = basis.face_half_mm;
   std::vector<Series> series(records.size());

@@ -46,6 +46,7 @@ struct FitBasis {
   Eigen::Matrix3f face_axes = Eigen::Matrix3f::Identity();  ///< columns normal, across, along
   Vec3f face_middle_mm = Vec3f::Zero();
   std::array<float, 2> face_half_mm{1, 1};
+  float force_range_n = 1;
   float force_tolerance = 0, touch_tolerance_mm = 0;  ///< of fingers that are not fitted
 };
 FitBasis fit_basis(const FingerSpec& spec, const Model& model);

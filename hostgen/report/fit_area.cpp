@@ -29,9 +29,17 @@ constexpr double kLightest_n = 1, kHeaviest_n = 6;
 constexpr double kFirm_mm = 4;  // plate motion from which on touches are counted
 
 // The finger as its pack takes it, as fitted, and with one part of the fit left out each.
-enum Variant : std::size_t { kBefore, kAfter, kWithoutScale, kWithoutCreep, kWithoutOffset, kVariants };
-constexpr std::array<const char*, kVariants> kVariantNames = {"before", "after", "without_scale", "without_creep",
-                                                              "without_offset"};
+enum Variant : std::size_t {
+  kBefore,
+  kAfter,
+  kWithoutScale,
+  kWithoutCreep,
+  kWithoutHysteresis,
+  kWithoutOffset,
+  kVariants
+};
+constexpr std::array<const char*, kVariants> kVariantNames = {
+    "before", "after", "without_scale", "without_creep", "without_hysteresis", "without_offset"};
 
 /// Errors of one finger, or of all.
 struct Errors {
@@ -202,7 +210,9 @@ std::vector<LoopSettings> variants_of(const FitValues& fit) {
   std::vector<LoopSettings> settings(kVariants);
   for (std::size_t v = kAfter; v < kVariants; ++v) settings[v].fit = fit;
   settings[kWithoutScale].fit->force_scale = 1;
+  settings[kWithoutScale].fit->force_slope.fill(0);
   settings[kWithoutCreep].fit->creep_share = 0;
+  settings[kWithoutHysteresis].fit->hysteresis = 0;
   settings[kWithoutOffset].fit->across_mm.fill(0);
   settings[kWithoutOffset].fit->along_mm.fill(0);
   return settings;

@@ -21,6 +21,7 @@ FitBasis basis() {
   basis.face_axes << 0, 1, 0, 0, 0, 1, 1, 0, 0;
   basis.face_middle_mm = Vec3f(0, 60, 0);
   basis.face_half_mm = {20, 45};
+  basis.force_range_n = 6;
   basis.force_tolerance = 0.25F;
   basis.touch_tolerance_mm = 1.5F;
   return basis;
@@ -30,7 +31,7 @@ struct Truth {
   double scale = 1.3, creep = 0.1, creep_s = 12, up_mm = 1.5;
 };
 
-/// A finger whose pack says 1 / scale of the force, and a touch that is too far up.
+/// A finger of the usual material whose pack says 1 / scale of the force, and a touch that is too far up.
 WeightRecord record(int hole, double force_n, double seconds, const Truth& truth, Random& random) {
   WeightRecord record{.name = "w" + std::to_string(hole), .hole = hole, .force_n = force_n, .readings = {}};
   const Vec3f at_mm = basis().holes[static_cast<std::size_t>(hole - 1)].contact_mm.cast<float>();
@@ -38,8 +39,10 @@ WeightRecord record(int hole, double force_n, double seconds, const Truth& truth
     TouchReading reading{.time_s = t + 3};
     if (t >= 0) {
       reading.is_valid = true;
+      const FitValues usual{.hysteresis = 0.065F, .force_range_n = 6};
+      const auto elastic_n = static_cast<double>(Hysteresis(usual).elastic_n(static_cast<float>(force_n)));
       reading.force_n =
-          force_n / truth.scale * (1 - truth.creep * std::expm1(-t / truth.creep_s)) + 0.02 * random.normal();
+          elastic_n / truth.scale * (1 - truth.creep * std::expm1(-t / truth.creep_s)) + 0.02 * random.normal();
       reading.point_mm = at_mm + Vec3f(0, static_cast<float>(truth.up_mm + 0.2 * random.normal()), 0);
     }
     record.readings.push_back(reading);
@@ -68,6 +71,20 @@ TEST_CASE("weight fit: scale, creep and offset come out of nine weights") {
   CHECK(fit.values.fitted_on == 9000);
   CHECK(fit.untold.empty());
   for (const WeightHold& hold : fit.holds) CHECK(std::abs(hold.force_error) < 0.02);
+}
+
+TEST_CASE("weight fit: a finger that is softer towards its tip than the pack has a scale that falls along the face") {
+  std::vector<WeightRecord> records = nine({});
+  for (WeightRecord& record : records) {
+    const double v =
+        static_cast<double>((basis().holes[static_cast<std::size_t>(record.hole - 1)].contact_mm.y() - 60) / 45);
+    for (TouchReading& reading : record.readings) reading.force_n *= std::exp(0.15 * v);
+  }
+  const FitValues fit = fit_weights(basis(), records, 9000).values;
+  CHECK(fit.force_slope[1] == doctest::Approx(-0.15).epsilon(0.2));
+  CHECK(std::abs(fit.force_slope[0]) < 0.02F);
+  CHECK(fit.force_scale == doctest::Approx(1.3).epsilon(0.02));
+  CHECK(force_scale_at(fit, Vec3f(0, 105, 0)) < 0.9F * force_scale_at(fit, Vec3f(0, 60, 0)));
 }
 
 TEST_CASE("weight fit: what few weights do not tell is said and stays wide") {

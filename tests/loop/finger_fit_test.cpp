@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 
 using namespace finsight;
@@ -70,6 +71,48 @@ TEST_CASE("finger fit: what has crept is forgotten while nothing touches the fin
   Touch touch = touch_of(3);
   fit.apply(Eigen::Matrix3f::Identity(), 7201 * kFrame_ns, touch);
   CHECK(touch.force_n == doctest::Approx(3).epsilon(0.005));
+}
+
+TEST_CASE("hysteresis: what bends the finger and what it bends it like are each other's inverse on any path") {
+  FitValues values;
+  values.hysteresis = 0.1F;
+  values.force_range_n = 6;
+  Hysteresis material(values);
+  float force_n = 0;
+  for (int frame = 0; frame < 400; ++frame) {
+    force_n = 3 - 3 * std::cos(0.1F * static_cast<float>(frame)) * std::cos(0.013F * static_cast<float>(frame));
+    CHECK(material.force_n(material.elastic_n(force_n)) == doctest::Approx(force_n).epsilon(1e-4));
+  }
+}
+
+TEST_CASE("finger fit: a force reads alike whether it grew or fell, of a material whose plays are others") {
+  constexpr std::array<float, 6> kWidths_n = {0.1F, 0.25F, 0.5F, 0.9F, 1.5F, 2.2F};
+  constexpr float kRange_n = 6, kWeight = 0.065F * kRange_n / 2 / 4.75F;  // the last two turn round in part
+  std::array<float, 6> plays_n = kWidths_n;
+  float at_zero_n = 0;
+  for (const float play_n : plays_n) at_zero_n += kWeight * play_n;
+  const auto bends_as_n = [&](float force_n) {
+    float elastic_n = force_n - at_zero_n;
+    for (std::size_t i = 0; i < plays_n.size(); ++i) {
+      plays_n[i] = std::clamp(plays_n[i], force_n - kWidths_n[i], force_n + kWidths_n[i]);
+      elastic_n += kWeight * (plays_n[i] - force_n);
+    }
+    return elastic_n;
+  };
+  FitValues values;
+  values.hysteresis = 0.065F;
+  values.force_range_n = kRange_n;
+  FingerFit fit(values);
+  float gap_n = 0, worst_n = 0;
+  for (int frame = 1; frame <= 240; ++frame) {
+    const float force_n = frame <= 120 ? 0.05F * static_cast<float>(frame) : 0.05F * static_cast<float>(240 - frame);
+    Touch touch = touch_of(bends_as_n(force_n));
+    gap_n = std::max(gap_n, std::abs(touch.force_n - force_n));
+    fit.apply(Eigen::Matrix3f::Identity(), frame * kFrame_ns, touch);
+    worst_n = std::max(worst_n, std::abs(touch.force_n - force_n));
+  }
+  CHECK(gap_n > 0.3F);
+  CHECK(worst_n < 0.1F);
 }
 
 TEST_CASE("finger fit: the touch's offset is taken off along the face") {

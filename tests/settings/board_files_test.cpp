@@ -124,6 +124,8 @@ TEST_CASE("board files: a camera's keys are read; omitted exposure and gain are 
   CHECK(settings.camera.frames_per_second == 60);
   CHECK(!settings.camera.exposure_us);
   CHECK(!settings.camera.gain);
+  CHECK(!settings.camera.readout_ms);
+  CHECK(read(with(kCamera, "[source.lens]", "readout_ms = 12\n[source.lens]")).camera.readout_ms == 12);
   CHECK(settings.lens.width_px == 640);
   CHECK(settings.lens.fy == 401);
   CHECK(settings.lens.k1 == 0.1);

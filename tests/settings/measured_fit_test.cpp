@@ -17,6 +17,9 @@ FitValues example() {
   fit.force_sigma = 0.05F;
   fit.creep_share = 0.08F;
   fit.creep_s = 22;
+  fit.force_slope = {0.01F, -0.12F, 0.03F};
+  fit.hysteresis = 0.06F;
+  fit.force_range_n = 6;
   fit.across_mm = {0.1F, -0.2F, 0, 0.05F};
   fit.along_mm = {1.1F, 0.3F, -0.4F, 0.5F};
   fit.face_middle_mm = Vec3f(0, 60, -15);
@@ -47,6 +50,9 @@ TEST_CASE("measured fit: what was written is read again") {
   CHECK(fit.fitted_on == example().fitted_on);
   CHECK(fit.force_scale == doctest::Approx(0.93));
   CHECK(fit.creep_s == doctest::Approx(22));
+  CHECK(fit.force_slope == example().force_slope);
+  CHECK(fit.hysteresis == doctest::Approx(0.06));
+  CHECK(fit.force_range_n == 6);
   CHECK(fit.along_mm == example().along_mm);
   CHECK(fit.face_middle_mm == example().face_middle_mm);
   CHECK(fit.touch_radius_mm == doctest::Approx(0.6));
@@ -68,6 +74,7 @@ TEST_CASE("measured fit: each wrong value is refused by its name") {
   CHECK(refusal(replaced("date = 20261123", "date = 20261323")).find("date") != std::string::npos);
   CHECK(refusal(replaced("0123abcd", "0123abc")).find("model") != std::string::npos);
   CHECK(refusal(replaced("creep_s = 22", "creep_s = 0")).find("creep_s") != std::string::npos);
+  CHECK(refusal(replaced("hysteresis = 0.06", "hysteresis = 3")).find("hysteresis") != std::string::npos);
   CHECK(refusal(replaced("along_mm = [1.1, ", "along_mm = [")).find("along_mm") != std::string::npos);
   CHECK(refusal(measured_fit_toml(example()) + "speed = 1\n").find("speed") != std::string::npos);
 }

@@ -15,12 +15,14 @@ import sys
 import tempfile
 import time
 import unittest
+import urllib.request
 from pathlib import Path
 
 from end_to_end import BINARIES, WORK, prepare  # and scripts/lib is in the path from here on
 from page_device import KEY, Device, render
 from pymodbus.client import ModbusTcpClient
-from register_block import Reader
+from register_block import ADDRESS, Reader
+from several_fingers import LEFT, RIGHT, prepare_right
 
 try:
     from selenium import webdriver
@@ -97,8 +99,8 @@ class Browser:
 
 
 class Page(unittest.TestCase):
-    def device(self, path, more=""):
-        device = Device(path, more).__enter__()
+    def device(self, path, more="", fingers=""):
+        device = Device(path, more, fingers=fingers).__enter__()
         self.addCleanup(device.__exit__)
         return device
 
@@ -106,6 +108,27 @@ class Page(unittest.TestCase):
         browser = Browser(**options).__enter__()
         self.addCleanup(browser.__exit__)
         return browser
+
+    def test_each_finger_of_a_board_has_its_page_and_a_link_leads_from_one_to_the_other(self):
+        prepare_right()
+        device, browser = self.device(None, fingers=LEFT + RIGHT), self.browser()
+        with ModbusTcpClient("127.0.0.1", port=device.port) as client:
+            checksums = [client.read_holding_registers(ADDRESS["model_checksum"], 2, slave=unit).registers for unit in (1, 2)]
+        self.assertNotEqual(*checksums)
+
+        def current(driver):
+            links = driver.find_elements(By.CSS_SELECTOR, "nav.fingers a")
+            return [link.text for link in links] == ["left", "right"] and [
+                link.text for link in links if link.get_attribute("aria-current") == "page"]
+
+        browser.open(device, "registers")
+        for port, name, checksum in ((device.page_port, "left", checksums[0]), (device.page_port + 1, "right", checksums[1])):
+            browser.wait(lambda d: current(d) == [name], f"the links to both fingers, {name} being shown")
+            self.assertIn(f":{port}/#registers", browser.driver.current_url)
+            registers = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{port}/api/state").read())
+            self.assertEqual(registers["model_checksum"], checksum[0] << 16 | checksum[1])
+            browser.driver.find_element(By.LINK_TEXT, "right").click()
+        self.assertEqual(browser.problems(), [])
 
     def test_live_values_are_those_of_the_registers_in_the_same_second(self):
         device, browser = self.device(WORK / "session"), self.browser()

@@ -21,16 +21,17 @@ def render(folder, *words):
 
 
 class Device:
-    """Both programs; the end of a `with` block stops them."""
+    """Both programs; the end of a `with` block stops them. `fingers`: [[finger]] tables instead of a finger with `path`."""
 
-    def __init__(self, path=SESSION, more="", page_prefix=()):
+    def __init__(self, path=SESSION, more="", page_prefix=(), fingers=""):
         self.folder = tempfile.TemporaryDirectory()
         self.port, self.page_port = free_port(), free_port()
         self.settings = Path(self.folder.name) / "board.toml"
+        one = "" if fingers else f'pack = "{PACK}"\n[source]\n{session_source(path=path)}\n'
         self.settings.write_text(
-            f'pack = "{PACK}"\n[source]\n{session_source(path=path)}\n[modbus]\nport = {self.port}\n'
+            f'{one}[modbus]\nport = {self.port}\n'
             '[storage]\nsettings = "state.toml"\nrecordings = "recordings"\n'
-            f'[page]\nport = {self.page_port}\nfolder = "memory"\nmeasured = "measured"\n{more}\n')
+            f'[page]\nport = {self.page_port}\nfolder = "memory"\nmeasured = "measured"\n{more}\n{fingers}')
         self.firmware = self.page = None
         self.page_prefix = page_prefix
 
