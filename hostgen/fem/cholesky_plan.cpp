@@ -18,7 +18,6 @@ namespace {
 using Lists = std::vector<std::vector<int>>;
 
 constexpr int kLargestPart = 50;  // blocks; of 30, 50, 100, 200, 400 and 800 the best at 16,000 tetrahedra
-constexpr int kDissections = 8;   // orders tried, by METIS' seeds 1, 2, ...
 
 void check_neighbours(const Lists& neighbours) {
   const int n = static_cast<int>(neighbours.size());
@@ -278,12 +277,11 @@ Elimination eliminate_in(std::vector<int> order, const Lists& neighbours) {
   return {std::move(order), std::move(nodes), cost};
 }
 
-// The cheapest of the orders tried. What nested dissection costs depends on the seed by up to a tenth, and a plan is
-// made once for a model that is solved thousands of times.
-Elimination cheapest_elimination(const Lists& neighbours) {
+// The cheapest of the orders tried, with METIS' seeds 1, 2, ...
+Elimination cheapest_elimination(const Lists& neighbours, int dissections) {
   Elimination best = eliminate_in(minimum_degree(neighbours), neighbours);
   if (static_cast<int>(neighbours.size()) <= kLargestPart) return best;
-  for (int seed = 1; seed <= kDissections; ++seed) {
+  for (int seed = 1; seed <= dissections; ++seed) {
     Elimination other = eliminate_in(Dissection(neighbours, seed).take_order(), neighbours);
     if (other.cost < best.cost) best = std::move(other);
   }
@@ -296,9 +294,9 @@ CholeskyPlan CholeskyPlanData::view() const {
   return {blocks, order, pattern_start, pattern_row, supernode_start, rows_start, rows};
 }
 
-CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours) {
+CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours, int dissections) {
   check_neighbours(neighbours);
-  auto [first_order, nodes, cost] = cheapest_elimination(neighbours);
+  auto [first_order, nodes, cost] = cheapest_elimination(neighbours, dissections);
   const std::vector<int> sequence = postorder(nodes);
   gather_columns(nodes, sequence);
 

@@ -14,8 +14,13 @@ struct CholeskyPlanData {
   CholeskyPlan view() const;
 };
 
+/// What nested dissection costs depends on its seed by up to a tenth: so many are tried for a board, which solves with
+/// its plan for years.
+inline constexpr int kDissections = 8;
+
 /// `neighbours[i]`: the blocks coupled with block i, ascending, without i itself; symmetric. The cheapest of minimum
-/// degree (Eigen's AMD) and several nested dissections (METIS), postordered, supernodes relaxed where merging pays.
-CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours);
+/// degree (Eigen's AMD) and `dissections` nested dissections (METIS), postordered, supernodes relaxed where merging
+/// pays.
+CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours, int dissections = kDissections);
 
 }  // namespace finsight::host

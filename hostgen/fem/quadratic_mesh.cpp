@@ -35,6 +35,29 @@ class MiddleNodes {
   std::map<std::pair<int, int>, int> middle_;
 };
 
+std::vector<SideTriangle> triangles_of(const QuadraticMesh& mesh, Side side) {
+  constexpr double kSteepest = 0.5;  // of a wall that is still that side's: cosine to the direction of pushing
+  const Eigen::Matrix3d axes = side_axes(side);
+  std::vector<SideTriangle> triangles;
+  for (const auto& nodes : side == Side::kFront ? mesh.front : mesh.skin) {
+    SideTriangle triangle;
+    triangle.node = nodes;
+    auto& corner = triangle.corner_mm;
+    for (std::size_t i = 0; i < 3; ++i) {
+      corner[i] = axes.transpose() * mesh.node_mm[static_cast<std::size_t>(nodes[i])];
+    }
+    triangle.low_mm = corner[0].cwiseMin(corner[1]).cwiseMin(corner[2]).head<2>();
+    triangle.high_mm = corner[0].cwiseMax(corner[1]).cwiseMax(corner[2]).head<2>();
+    Eigen::Vector3d inward = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
+    if (side == Side::kFront && inward.z() < 0) inward = -inward;
+    if (side != Side::kFront) inward = (axes.determinant() > 0 ? -1 : 1) * inward;  // a mirror turns the winding
+    if (side != Side::kFront && inward.z() < kSteepest) continue;
+    triangle.inward = inward;
+    triangles.push_back(triangle);
+  }
+  return triangles;
+}
+
 }  // namespace
 
 QuadraticMesh make_quadratic(const TetMesh& mesh, Element element) {
@@ -73,6 +96,7 @@ QuadraticMesh make_quadratic(const TetMesh& mesh, Element element) {
   for (const auto& [a, b, c] : boundary_triangles(mesh)) {
     out.skin.push_back({a, b, c, middles.between(a, b), middles.between(b, c), middles.between(c, a)});
   }
+  for (std::size_t side = 0; side < kSides; ++side) out.sides[side] = triangles_of(out, static_cast<Side>(side));
   return out;
 }
 
@@ -131,39 +155,27 @@ Eigen::Matrix3d side_axes(Side side) {
 }
 
 FacePoint side_point(const QuadraticMesh& mesh, Side side, const Eigen::Vector2d& place_mm) {
-  // A wall that a push along the side's axis would only graze is not that side's.
-  constexpr double kSteepest = 0.5;
   constexpr double kSame_mm2 = 1e-12;  // of two places, that differ by less, the first on the way is meant
   const Eigen::Matrix3d axes = side_axes(side);
   double best_distance = std::numeric_limits<double>::infinity(), best_depth = best_distance;
   FacePoint best;
-  for (const auto& triangle : side == Side::kFront ? mesh.front : mesh.skin) {
-    std::array<Eigen::Vector3d, 3> corner;
-    for (std::size_t i = 0; i < 3; ++i) {
-      corner[i] = axes.transpose() * mesh.node_mm[static_cast<std::size_t>(triangle[i])];
-    }
+  for (const SideTriangle& triangle : mesh.sides[static_cast<std::size_t>(side)]) {
     // Most triangles' bounding boxes are already further away.
-    const Eigen::Array3d low = corner[0].cwiseMin(corner[1]).cwiseMin(corner[2]);
-    const Eigen::Array3d high = corner[0].cwiseMax(corner[1]).cwiseMax(corner[2]);
-    const Eigen::Array2d asked = place_mm.array(), nearest = asked.max(low.head<2>()).min(high.head<2>());
+    const Eigen::Array2d asked = place_mm.array(), nearest = asked.max(triangle.low_mm).min(triangle.high_mm);
     if ((nearest - asked).matrix().squaredNorm() > best_distance + kSame_mm2) continue;
-    Eigen::Vector3d inward = (corner[1] - corner[0]).cross(corner[2] - corner[0]).normalized();
-    if (side == Side::kFront && inward.z() < 0) inward = -inward;
-    if (side != Side::kFront) inward = (axes.determinant() > 0 ? -1 : 1) * inward;  // a mirror turns the winding
-    if (side != Side::kFront && inward.z() < kSteepest) continue;
-    const Eigen::Vector3d L = nearest_in_triangle(corner, place_mm.x(), place_mm.y());
-    const Eigen::Vector3d at = point_at(corner, L);
+    const Eigen::Vector3d L = nearest_in_triangle(triangle.corner_mm, place_mm.x(), place_mm.y());
+    const Eigen::Vector3d at = point_at(triangle.corner_mm, L);
     const double distance = (at.head<2>() - place_mm).squaredNorm();
     const bool is_nearer = distance < best_distance - kSame_mm2;
     if (!is_nearer && (distance > best_distance + kSame_mm2 || at.z() >= best_depth)) continue;
     best_distance = distance;
     best_depth = at.z();
-    best.node = triangle;
+    best.node = triangle.node;
     best.weight = {L[0] * (2 * L[0] - 1), L[1] * (2 * L[1] - 1), L[2] * (2 * L[2] - 1),
                    4 * L[0] * L[1],       4 * L[1] * L[2],       4 * L[2] * L[0]};
     if (mesh.element == Element::kC3D4) best.weight = {L[0], L[1], L[2], 0, 0, 0};
     best.at_mm = axes * at;
-    best.inward = axes * inward;
+    best.inward = axes * triangle.inward;
   }
   return best;
 }

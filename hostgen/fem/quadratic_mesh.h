@@ -21,6 +21,19 @@ inline constexpr int kGaussPoints = 4;
 /// same arrays, its middle nodes fixed and without influence.
 enum class Element { kC3D4, kC3D10 };
 
+/// From where something pushes: onto the touched face (along z), or elsewhere.
+enum class Side { kFront, kLeft, kRight, kBack, kTip };
+inline constexpr std::size_t kSides = 5;
+
+/// A triangle as it looks from one side, in that side's axes: what side_point() searches through, thousands of times
+/// for every patch.
+struct SideTriangle {
+  std::array<int, 6> node;  ///< corners, middles of 01 12 20
+  std::array<Eigen::Vector3d, 3> corner_mm;
+  Eigen::Array2d low_mm, high_mm;  ///< of its bounding box
+  Eigen::Vector3d inward;          ///< unit normal
+};
+
 /// The same geometry as the TetMesh it is made of (edges stay straight); only the elements are richer.
 struct QuadraticMesh {
   Element element = Element::kC3D10;
@@ -32,6 +45,9 @@ struct QuadraticMesh {
   std::array<std::vector<int>, kPlates> plate_nodes;
   std::vector<std::array<int, 6>> front;  ///< triangles of the touched face: corners, middles of 01 12 20
   std::vector<std::array<int, 6>> skin;   ///< the same of all that is outside, counter-clockwise seen from there
+  /// Of each Side: on the front those of `front`, elsewhere those of `skin` that a push from there would not only
+  /// graze.
+  std::array<std::vector<SideTriangle>, kSides> sides;
 };
 
 QuadraticMesh make_quadratic(const TetMesh& mesh, Element element = Element::kC3D10);
@@ -43,9 +59,6 @@ struct TetGradients {
   double volume_mm3 = 0;
 };
 TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Element element = Element::kC3D10);
-
-/// From where something pushes: onto the touched face (along z), or elsewhere.
-enum class Side { kFront, kLeft, kRight, kBack, kTip };
 
 /// A point of the outside, mostly of the touched face, as a weighted sum of the six nodes of the quadratic triangle
 /// that holds it. A force at the point is shared among the nodes by the same weights (the work-equivalent load), and
