@@ -49,9 +49,10 @@ void complete_from_source(const Settings& settings, const std::optional<SessionI
   loop.rest_is_known = is_recorded_motion || images->from_rest;
   if (images) loop.readout_ms = images->readout_ms;
   if (settings.source == Settings::Source::kCamera && !settings.camera.readout_ms) {
-    log_message(settings.name,
-                "readout_ms is not told (board file, [source]): taken for a camera with a global shutter; behind a rolling "
-                "one touches of a finger that moves fast are less sure than they say");
+    log_message(
+        settings.name,
+        "readout_ms is not told (board file, [source]): taken for a camera with a global shutter; behind a rolling "
+        "one touches of a finger that moves fast are less sure than they say");
   }
   loop.fixed_g = settings.fixed_g;
   if (settings.fixed_g || settings.gravity_max_age_ms > 0) return;

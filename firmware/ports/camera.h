@@ -82,7 +82,7 @@ struct LiveCameraSettings {
   Coding coding = Coding::kLinear;
   /// Of a rolling shutter, from the first row to the last; 0: a global one. Not told: taken for a global one.
   std::optional<double> readout_ms = std::nullopt;
-  int stall_ms = 500;     ///< a camera without a frame for this time is lost
+  int stall_ms = 500;  ///< a camera without a frame for this time is lost
 };
 
 /// A camera that outlives failures of the hardware: while it is missing, refuses its settings, is unplugged or stalls,

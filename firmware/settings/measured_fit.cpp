@@ -79,7 +79,8 @@ FitValues read_measured_fit(TomlTable table) {
     fit.creep_s = read_number(table, "creep_s", 0.1, 10'000);
   }
   if (table.has("hysteresis") || table.has("force_range_n")) {
-    fit.hysteresis = read_number(table, "hysteresis", 0, 0.3);
+    // From about 0.25 on a force could bend the material less than a smaller one: no force follows from the bend.
+    fit.hysteresis = read_number(table, "hysteresis", 0, 0.15);
     fit.force_range_n = read_number(table, "force_range_n", 0.01, 10'000);
   }
   fit.across_mm = read_terms(table, "across_mm");

@@ -241,14 +241,15 @@ double unknown_sq(const FitBasis& basis, const FitValues& values, const Polynomi
 
 /// Of both offsets together, where the weights were.
 void fit_offsets(const FitBasis& basis, WeightFit& fit) {
+  const std::vector<Terms> terms = terms_of(fit);
   std::vector<double> across, along;
   for (const WeightHold& hold : fit.holds) {
     const Vec3f off_mm = hold.point_mm - hold.truth_mm;
     across.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(1))));
     along.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(2))));
   }
-  const Polynomial x = polynomial(kAcrossPrior_mm, kAcrossRest_mm, terms_of(fit), across),
-                   y = polynomial(kAlongPrior_mm, kAlongRest_mm, terms_of(fit), along);
+  const Polynomial x = polynomial(kAcrossPrior_mm, kAcrossRest_mm, terms, across),
+                   y = polynomial(kAlongPrior_mm, kAlongRest_mm, terms, along);
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.across_mm.data()) = x.mean.cast<float>();
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.along_mm.data()) = y.mean.cast<float>();
   fit.values.touch_radius_mm =

@@ -75,6 +75,7 @@ TEST_CASE("measured fit: each wrong value is refused by its name") {
   CHECK(refusal(replaced("0123abcd", "0123abc")).find("model") != std::string::npos);
   CHECK(refusal(replaced("creep_s = 22", "creep_s = 0")).find("creep_s") != std::string::npos);
   CHECK(refusal(replaced("hysteresis = 0.06", "hysteresis = 3")).find("hysteresis") != std::string::npos);
+  CHECK(refusal(replaced("hysteresis = 0.06", "hysteresis = 0.2")).find("hysteresis") != std::string::npos);
   CHECK(refusal(replaced("along_mm = [1.1, ", "along_mm = [")).find("along_mm") != std::string::npos);
   CHECK(refusal(measured_fit_toml(example()) + "speed = 1\n").find("speed") != std::string::npos);
 }
