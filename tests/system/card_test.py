@@ -7,6 +7,7 @@ import fcntl
 import hashlib
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -134,25 +135,40 @@ class Flash(Case):
         self.assertIn("used by dm-0", self.flash(fake, "--yes", **environment).stderr)
 
     def test_an_interrupted_card_is_empty(self):
-        """Interrupted at many moments, until one comes too late."""
-        for delay_ms in range(30):
+        """Interrupted at every start of a dd, by the dd itself: a clock would miss the writing of a fast machine."""
+        dd = self.folder / "bin" / "dd"
+        dd.parent.mkdir()
+        # Two run at once where card and image are compared, hence a count that each takes a number of its own from.
+        dd.write_text(f"""#!/bin/sh
+call=1
+while ! mkdir {self.folder}/calls/$call 2>/dev/null; do call=$((call + 1)); done
+[ $call -ne "$FINSIGHT_TEST_CALL" ] || kill -INT 0
+exec /usr/bin/dd "$@"
+""")
+        dd.chmod(0o755)
+        interrupted = 0
+        for call in range(1, 100):
+            shutil.rmtree(self.folder / "calls", ignore_errors=True)
+            (self.folder / "calls").mkdir()
             card = self.device(64 * MIB)
+            environment = {**os.environ, "PATH": f"{dd.parent}:{os.environ['PATH']}", "FINSIGHT_TEST_CALL": str(call)}
             process = subprocess.Popen([SOURCE / "scripts" / "flash", "--yes", self.image, card], start_new_session=True,
-                                       stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-            while card.read_bytes()[:1] == b"\xA5" and process.poll() is None:
-                time.sleep(0.001)
-            time.sleep(delay_ms / 1000)
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGINT)
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment)
             errors = process.communicate(timeout=30)[1]
+            if process.returncode == 0:
+                break
             start = card.read_bytes()[:MIB]
             if start[:446] == self.image.read_bytes()[:446]:
-                self.assertGreater(delay_ms, 0, "no interruption came in time")
-                return  # the system was complete before the interruption came
-            with self.subTest(delay_ms=delay_ms):
+                continue  # interrupted while the complete system was compared
+            with self.subTest(call=call):
                 self.assertEqual(process.returncode, -signal.SIGINT, errors)
-                self.assertIn("holds no system until", errors)
-                self.assertTrue(start == bytes(MIB))
+                if start == bytes(MIB):
+                    interrupted += 1
+                    self.assertIn("holds no system until", errors)
+                else:
+                    self.assertEqual(card.read_bytes(), b"\xA5" * 64 * MIB, "neither emptied nor as it was")
+        self.assertGreater(interrupted, 5)
+        self.assertEqual(process.returncode, 0, "every call was interrupted")
 
 
 class Update(Case):
