@@ -56,11 +56,11 @@ nlohmann::json measure_scenes(const Model& model, const FingerSpec& spec, const 
                               bool quick);
 
 /// Virtual fingers (render/virtual_finger.h), from number `first` on, before and after a fit with a weight at each hole
-/// of the jig: errors of force and touch, what the device says of them, and drift; and the same with one part of the fit
-/// left out each. Plots fit.svg into `folder`.
+/// of the jig: errors of force and touch at so many other places of each, what the device says of them, and drift; and
+/// the same with one part of the fit left out each. Plots fit.svg into `folder`.
 nlohmann::json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
-                            int fingers, std::uint64_t first);
-/// The fingers of the report: 50; `quick`: 4.
+                            int fingers, int places, std::uint64_t first);
+/// The fingers of the report: 50, with 16 places each; `quick`: 2, with 6.
 nlohmann::json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
                             bool quick);
 

@@ -271,11 +271,11 @@ void plot_fingers(const std::vector<FingerResult>& results, const std::filesyste
 }  // namespace
 
 json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, int fingers,
-                  std::uint64_t first) {
+                  int places, std::uint64_t first) {
   std::vector<FingerResult> results(static_cast<std::size_t>(fingers));
   Progress progress("virtual fingers", results.size());
   parallel_for(results.size(), [&](std::size_t i) {
-    results[i] = run_finger(model, spec, first + i, 16);
+    results[i] = run_finger(model, spec, first + i, places);
     progress.advance();
   });
   AllErrors all;
@@ -309,7 +309,7 @@ json measure_fits(const Model& model, const FingerSpec& spec, const std::filesys
 }
 
 json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
-  return measure_fits(model, spec, folder, quick ? 2 : 50, kFirstFinger);
+  return measure_fits(model, spec, folder, quick ? 2 : 50, quick ? 6 : 16, kFirstFinger);
 }
 
 }  // namespace finsight::host

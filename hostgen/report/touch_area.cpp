@@ -16,7 +16,7 @@ json errors_json(const AxisErrors& errors) { return {{"rmse_mm", errors.rmse_mm}
 
 json table2_json(const FingerSpec& spec, const FemDataset& dataset, bool quick) {
   json table;
-  for (const MethodScore& method : compare_methods(spec, dataset, {.seed = 1, .steps = quick ? 2000 : 40000})) {
+  for (const MethodScore& method : compare_methods(spec, dataset, {.seed = 1, .steps = quick ? 1000 : 40000})) {
     json row = errors_json(method.random_clean);
     row["random_noisy"] = errors_json(method.random_noisy);
     row["held_out_clean"] = errors_json(method.held_out_clean);

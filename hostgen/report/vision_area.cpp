@@ -235,46 +235,56 @@ json method_rows(const std::string& preset, const json& figures) {
   return rows;
 }
 
-/// The paper's four paths (its figure 7) as the firmware sees them in images of preset lab, drawn over the truth.
-json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh, const std::filesystem::path& folder,
-                bool quick) {
-  const double seconds = quick ? 2 : 8;
+/// One of the paper's four paths (its figure 7), and where the firmware sees it in images of preset lab.
+struct FollowedPath {
+  std::string name;
+  TouchPlan::Path kind;
+  std::vector<Vec3f> truth_mm, found_mm;
+};
+
+void follow(FollowedPath& path, const Model& model, const FingerSpec& spec, const TetMesh& mesh, double seconds) {
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const Lens& camera = spec.cameras[0];
   const ImageQuality quality = image_preset("lab");
+  const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, path.kind), frames, kFramesPerSecond);
+  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px, SessionEvent::kNone);
+  Renderer renderer(spec, camera, quality, kSeed);
+  MarkerStage markers(model, camera);
+  PoseStage poses(model, camera);
+  TouchStage touch(model);
+  touch.use_tolerances(0, 0);
+  std::vector<std::uint8_t> grey;
+  for (std::size_t k = 0; k < states.size(); ++k) {
+    if (interrupted()) throw Interrupted();
+    renderer.render(scenes.exposure(k), grey);
+    const Touch& found = touch.locate(poses.estimate(markers.find(frame_of(grey, camera, k))));
+    if (found.quality != Quality::kFresh || states[k].force_n == 0) continue;
+    path.truth_mm.push_back(states[k].point_mm);
+    path.found_mm.push_back(found.point_mm);
+  }
+}
+
+/// Draws what was found over the truth; returns the errors, a row a path.
+json draw_paths(const std::vector<FollowedPath>& paths, const std::filesystem::path& folder) {
   json rows = json::array();
   Gnuplot plot(folder / "paths.svg");
   plot.line("set term svg size 1000,1000; set multiplot layout 2,2");
   plot.line("set size ratio -1; set xlabel 'x, mm'; set ylabel 'y, mm'; set grid");
-  for (const auto& [name, kind] : touch_paths()) {
-    if (kind < TouchPlan::Path::kCircle || kind > TouchPlan::Path::kStar) continue;
-    const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, kind), frames, kFramesPerSecond);
-    const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px, SessionEvent::kNone);
-    Renderer renderer(spec, camera, quality, kSeed);
-    MarkerStage markers(model, camera);
-    PoseStage poses(model, camera);
-    TouchStage touch(model);
-    touch.use_tolerances(0, 0);
-    std::vector<std::uint8_t> grey;
+  for (const FollowedPath& path : paths) {
     std::vector<double> errors_mm;
     plot.line("$path << E");
-    for (std::size_t k = 0; k < states.size(); ++k) {
-      if (interrupted()) throw Interrupted();
-      renderer.render(scenes.exposure(k), grey);
-      const Touch& found = touch.locate(poses.estimate(markers.find(frame_of(grey, camera, k))));
-      if (found.quality != Quality::kFresh || states[k].force_n == 0) continue;
-      const Vec3f& truth = states[k].point_mm;
-      errors_mm.push_back(static_cast<double>((found.point_mm - truth).norm()));
+    for (std::size_t k = 0; k < path.truth_mm.size(); ++k) {
+      const Vec3f &truth = path.truth_mm[k], &found = path.found_mm[k];
+      errors_mm.push_back(static_cast<double>((found - truth).norm()));
       char line[120];
       std::snprintf(line, sizeof line, "%.3f %.3f %.3f %.3f", static_cast<double>(truth.x()),
-                    static_cast<double>(truth.y()), static_cast<double>(found.point_mm.x()),
-                    static_cast<double>(found.point_mm.y()));
+                    static_cast<double>(truth.y()), static_cast<double>(found.x()), static_cast<double>(found.y()));
       plot.line(line);
     }
-    plot.line("E\nplot $path using 1:2 with lines lw 4 lc rgb '#bbbbbb' title '" + name +
+    plot.line("E\nplot $path using 1:2 with lines lw 4 lc rgb '#bbbbbb' title '" + path.name +
               "', '' using 3:4 with lines lw 1 lc rgb '#c00000' title 'found'");
     const double sum = std::accumulate(errors_mm.begin(), errors_mm.end(), 0.0);
-    rows.push_back({{"path", name},
+    rows.push_back({{"path", path.name},
                     {"touches", errors_mm.size()},
                     {"touch_mm", errors_mm.empty() ? json() : json(sum / static_cast<double>(errors_mm.size()))},
                     {"touch_95_mm", errors_mm.empty() ? json() : json(quantile(errors_mm, 0.95))}});
@@ -284,10 +294,20 @@ json draw_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh,
   return rows;
 }
 
+json measure_paths(const Model& model, const FingerSpec& spec, const TetMesh& mesh, const std::filesystem::path& folder,
+                   bool quick) {
+  std::vector<FollowedPath> paths;
+  for (const auto& [name, kind] : touch_paths()) {
+    if (kind >= TouchPlan::Path::kCircle && kind <= TouchPlan::Path::kStar) paths.push_back({name, kind, {}, {}});
+  }
+  parallel_for(paths.size(), [&](std::size_t i) { follow(paths[i], model, spec, mesh, quick ? 2 : 8); });
+  return draw_paths(paths, folder);
+}
+
 }  // namespace
 
 json measure_vision(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
-  const double seconds = quick ? 1.5 : 16;
+  const double seconds = quick ? 1.2 : 16;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const TetMesh mesh = make_mesh(spec);
   const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);
@@ -309,7 +329,7 @@ json measure_vision(const Model& model, const FingerSpec& spec, const std::files
   for (const char* key : {"frame_ms_p50", "frame_ms_p99", "frame_cpu_ms_p50", "frame_cpu_ms_p99", "poses_ms_p50"})
     vision[key] = vision["lab"][key];
   vision["image"] = std::to_string(spec.cameras[0].width_px) + "x" + std::to_string(spec.cameras[0].height_px);
-  vision["paths"] = draw_paths(model, spec, mesh, folder, quick);
+  vision["paths"] = measure_paths(model, spec, mesh, folder, quick);
   vision["corners"] = measure_corners(spec, quick);
   return {{"vision", vision}};
 }

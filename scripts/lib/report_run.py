@@ -91,15 +91,15 @@ def modbus(report):
     build("finsightd")
     session = report.session("640x480")
     figures = {"attack": report.tool("attack", HOSTGEN, BINARIES / "finsightd", report.pack, session, "--seconds",
-                                     report.choose(3, 15), "--command-seconds", report.choose(4, 30))}
-    figures["soak"] = report.tool("soak", BINARIES / "finsightd", report.pack, session, "--seconds", report.choose(4, 30))
+                                     report.choose(2, 15), "--command-seconds", report.choose(3, 30))}
+    figures["soak"] = report.tool("soak", BINARIES / "finsightd", report.pack, session, "--seconds", report.choose(3, 30))
     return figures
 
 
 def page(report):
     build("finsightd", "finsight-page")
     return {"page": report.tool("page_cost", BINARIES, report.pack, report.session("1280x720", "--seconds", 6), "--rounds",
-                                report.choose(2, 9), "--seconds", report.choose(3, 8))}
+                                report.choose(2, 9), "--seconds", report.choose(2, 8))}
 
 
 def fingers(report):
