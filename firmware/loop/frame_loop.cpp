@@ -102,7 +102,9 @@ void FrameLoop::zero(Observation& seen) {
 // Held poses were located when they were fresh. No touch moves all plates as one rigid body.
 Touch FrameLoop::locate(const Observation& seen, const PlatePoses& poses, const PoseVector& motion) {
   if (poses.quality != Quality::kFresh || seen.moved_as_one || seen.camera_moved) return {};
-  return as_fitted(touch_.locate(poses, motion, {seen.shaken_mm, seen.unknown_g, seen.is_from_rest}), seen);
+  return as_fitted(
+      touch_.locate(poses, motion, {seen.shaken_mm, seen.unknown_g, seen.is_from_rest, marker_places_.doubts(poses)}),
+      seen);
 }
 
 // Where the plates are not seen as they are now, the fit waits for them.

@@ -6,21 +6,24 @@
 
 namespace finsight {
 
-inline constexpr double kPrintSpread = 0.01;  ///< of the markers' size, relative
+inline constexpr double kCameraSpread_mm = 1, kCameraSpread_rad = 0.026;
+inline constexpr double kPrintSpread = 0.01;      ///< of the markers' size, relative
+inline constexpr double kCommonTilt_rad = 0.015;  ///< of markers that were all stuck on with the same tilt
 
-/// What moves all markers alike: the camera by 1 mm along and 1.5 degrees about each axis, and markers that were
-/// printed 1 % too large, which look nearer. Columns are standard deviations, in the order of PoseVector (mm and rad).
-inline Eigen::Matrix<double, kPoseDims, 7> common_rest_spread(const MountModel& mount) {
-  constexpr double kCamera_mm = 1, kCamera_rad = 0.026;
-  Eigen::Matrix<double, kPoseDims, 7> spread = Eigen::Matrix<double, kPoseDims, 7>::Zero();
+/// What moves all markers alike: the camera by 1 mm along and 1.5 degrees about each axis; markers that were printed
+/// too large by 1 %, which look nearer; and those that are all tilted alike. Columns are standard deviations, in the
+/// order of PoseVector (mm and rad).
+inline Eigen::Matrix<double, kPoseDims, 10> common_rest_spread(const MountModel& mount) {
+  Eigen::Matrix<double, kPoseDims, 10> spread = Eigen::Matrix<double, kPoseDims, 10>::Zero();
   for (int p = 0; p < kPlates; ++p) {
     const Eigen::Vector3d from_camera =
         (mount.T_finger_marker[static_cast<std::size_t>(p)].translation() - mount.T_finger_camera.translation())
             .cast<double>();
-    spread.block<3, 3>(6 * p, 0) = kCamera_mm * Eigen::Matrix3d::Identity();
-    spread.block<3, 3>(6 * p, 3) = -kCamera_rad * cross_matrix(from_camera);
-    spread.block<3, 3>(6 * p + 3, 3) = kCamera_rad * Eigen::Matrix3d::Identity();
+    spread.block<3, 3>(6 * p, 0) = kCameraSpread_mm * Eigen::Matrix3d::Identity();
+    spread.block<3, 3>(6 * p, 3) = -kCameraSpread_rad * cross_matrix(from_camera);
+    spread.block<3, 3>(6 * p + 3, 3) = kCameraSpread_rad * Eigen::Matrix3d::Identity();
     spread.block<3, 1>(6 * p, 6) = -kPrintSpread * from_camera;
+    spread.block<3, 3>(6 * p + 3, 7) = kCommonTilt_rad * Eigen::Matrix3d::Identity();
   }
   return spread;
 }

@@ -139,6 +139,7 @@ void TouchStage::widen(const PlatePoses& poses, const PoseVector& motion, const 
     const Eigen::Map<const Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor>> per_g(model_.per_g.data());
     for (int axis = 0; axis < 3; ++axis) ask(doubt.unknown_g * per_g.col(axis));
   }
+  for (const PoseVector& change : doubt.changes) ask(change);
   for (int i = 0; i < kPoseDims && !doubt.is_from_rest; ++i) {
     ask((i % 6 < 3 ? model_.marker_tolerance_mm : model_.marker_tolerance_rad) * PoseVector::Unit(i));
   }

@@ -13,9 +13,10 @@ float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, 
 
 /// What the noise of the poses does not hold of how far a touch may be off.
 struct Doubt {
-  float shaken_mm = 0;       ///< see Shake
-  float unknown_g = 0;       ///< see Observation
-  bool is_from_rest = true;  ///< see Observation
+  float shaken_mm = 0;                    ///< see Shake
+  float unknown_g = 0;                    ///< see Observation
+  bool is_from_rest = true;               ///< see Observation
+  std::span<const PoseVector> changes{};  ///< of the motion, one standard deviation each; see MarkerPlaces
 };
 
 class TouchStage {
@@ -48,7 +49,8 @@ class TouchStage {
   ///
   /// A `doubt` widens the radius and the deviations: the network knows fingers that stand still, zeroed, and bent by
   /// nothing but touch. For everything else that may have moved the plates the network is asked once more, with the
-  /// plates moved by one standard deviation of it: up to 21 times where gravity is not known and there is no zero.
+  /// plates moved by one standard deviation of it: six times after a zero, up to 21 times where gravity is not known
+  /// and there is no zero.
   Touch locate(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt);
   Touch locate(const PlatePoses& poses) { return locate(poses, pose_vector(poses), {}); }
 

@@ -54,7 +54,7 @@ PlateEstimator::PlateEstimator(const MountModel& mount, const PlatePrior& prior,
     throw InputError("prior", "covariance", "a matrix that is not positive definite", "a Gaussian's covariance");
   }
   touched_.precision = factor.solve(Matrix::Identity());
-  const Eigen::Matrix<double, kPoseDims, 7> common = common_rest_spread(mount);
+  const auto common = common_rest_spread(mount);
   Matrix resting = common * common.transpose();
   resting.diagonal() += own_rest_variance(kOwnRestMm, kOwnRestRad);
   resting_ = {Vector::Zero(), resting.llt().solve(Matrix::Identity())};

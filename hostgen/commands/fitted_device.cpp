@@ -11,6 +11,8 @@ void FittedDevice::add_options(CLI::App& command) {
   command.add_option("--spec", spec, "finger spec (TOML) that the pack was made from")->required();
   command.add_option("--pack", pack, "model pack of this finger")->required();
   command.add_option("--mount", mount, "what hostgen mount measured, if the device uses it");
+  command.add_option("--smoothing-ms", smoothing_ms, "smoothing_ms of the device's board file, if it is not 0")
+      ->check(CLI::Range(0, 1000));
   command.add_option("--date", date, "of the recordings, such as 20261123; today unless given");
 }
 
@@ -22,6 +24,7 @@ std::uint16_t FittedDevice::day() const {
 
 std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model) const {
   LoopSettings settings;
+  settings.smoothing_ms = smoothing_ms;
   if (!mount.empty()) {
     settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(mount)));
   }

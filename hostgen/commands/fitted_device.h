@@ -12,6 +12,7 @@ struct FittedDevice {
   std::vector<std::filesystem::path> sessions;
   std::filesystem::path spec, pack, fit, mount;
   std::int64_t date = 0;
+  int smoothing_ms = 0;
 
   void add_options(CLI::App& command);
   /// Of the recordings, in days (see days_of). Throws InputError for a day that does not exist.

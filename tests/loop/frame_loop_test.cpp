@@ -326,7 +326,7 @@ TEST_CASE("loop: a new zero does not glide in through the low-pass, nor does tak
   ZeroPose zero{};
   zero[kTopPlate].displacement_mm = Vec3f(0, 0, 1);
   feeder.loop.zeroing().set_zero(zero);
-  CHECK(top_z() == before - 100);
+  CHECK(std::abs(top_z() - (before - 100)) <= 3);  // such a zero also tells of a camera that is turned a little
   feeder.loop.zeroing().set_zero(std::nullopt);  // factory settings
   CHECK(top_z() == before);
 }
