@@ -9,7 +9,22 @@ namespace {
 
 constexpr std::size_t kLanes = 16;
 using Int8Lanes = std::int8_t __attribute__((vector_size(kLanes)));
+using Int16Lanes = std::int16_t __attribute__((vector_size(kLanes * sizeof(std::int16_t))));
+using Int32Lanes = std::int32_t __attribute__((vector_size(kLanes * sizeof(std::int32_t))));
 using FloatLanes = float __attribute__((vector_size(kLanes * sizeof(float))));
+
+/// Lane l and l + 8, then l and l + 4, and so on.
+float sum_of(const FloatLanes& lanes) {
+  const auto fold = [](const auto& of, auto& halves) {
+    std::memcpy(&halves, &of, sizeof halves);
+    return halves[0] + halves[1];
+  };
+  float __attribute__((vector_size(8 * sizeof(float)))) eight[2];
+  float __attribute__((vector_size(4 * sizeof(float)))) four[2];
+  float __attribute__((vector_size(2 * sizeof(float)))) two[2];
+  float one[2];
+  return fold(fold(fold(fold(lanes, eight), four), two), one);
+}
 
 // The compiler cuts these vectors to the width that the processor has; lane l always sums inputs l, l + 16, l + 32 ...
 float dot(const std::int8_t* weights, const float* x, std::size_t count) {
@@ -20,13 +35,12 @@ float dot(const std::int8_t* weights, const float* x, std::size_t count) {
     FloatLanes v;
     std::memcpy(&w, weights + i, sizeof w);
     std::memcpy(&v, x + i, sizeof v);
-    sums += __builtin_convertvector(w, FloatLanes) * v;
+    // GCC converts number by number where the width changes by more than a factor of two.
+    const Int32Lanes wide = __builtin_convertvector(__builtin_convertvector(w, Int16Lanes), Int32Lanes);
+    sums += __builtin_convertvector(wide, FloatLanes) * v;
   }
   for (std::size_t lane = 0; i < count; ++i, ++lane) sums[lane] += static_cast<float>(weights[i]) * x[i];
-  for (std::size_t half = kLanes / 2; half > 0; half /= 2) {
-    for (std::size_t lane = 0; lane < half; ++lane) sums[lane] += sums[lane + half];
-  }
-  return sums[0];
+  return sum_of(sums);
 }
 
 }  // namespace
