@@ -211,6 +211,9 @@ class BadInput(unittest.TestCase):
         for exit_code, fault in ((1, 6), (2, 5), (3, 4)):  # 3: the self-test failed
             with self.subTest(exit_code), Firmware(session_source(), extra_arguments=("--safe-mode", str(exit_code))) as safe:
                 reader = Reader(safe.port)
+                until = time.monotonic() + 10
+                while not reader.read().words[2] and time.monotonic() < until:
+                    pass  # the server answers a moment before anything has been published: no heartbeat yet
                 self.assertEqual(reader.read().words[1], fault)
                 reader.close()
 
