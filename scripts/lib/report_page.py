@@ -19,6 +19,7 @@ from report_words import HEADINGS, SECTIONS, WORDS
 
 QUIET = 0.1  # processors that other programs had on average while an area was measured
 LONG = 20  # rows from which on a table is folded away, except on paper
+LONGEST = 60  # rows from which on it is folded away on paper, too
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 STYLE = """
@@ -40,7 +41,8 @@ summary{cursor:pointer;color:var(--link)}figure{margin:1rem 0;background:#fff;bo
 figure svg,figure img{max-width:100%;height:auto;display:block;margin:auto}figcaption{color:#5f6b7a;font-size:.9rem}
 @media(max-width:40rem){.words th:first-child,.words td:first-child{min-width:9rem}}
 @media print{nav{display:none}body{max-width:none;font-size:11px;color:#000;background:#fff}h2{break-after:avoid}
-table,figure{break-inside:avoid}}
+tr,figure{break-inside:avoid}.wide{overflow:visible}table{font-size:8.5px}th,td{padding:.1rem .3rem}
+details:not([open])>summary::after{content:": on the screen only, and in results.json"}}
 """
 
 
@@ -83,7 +85,10 @@ def table(rows, columns, caption=""):
     is_long = len(rows) > LONG
     title = f"<caption>{caption}</caption>" if caption and not is_long else ""
     text = f"<div class=wide><table>{title}<thead><tr>{head}</tr></thead><tbody>\n{body}</tbody></table></div>\n"
-    return f"<details><summary>{caption or 'All'} ({len(rows)} rows)</summary>\n{text}</details>\n" if is_long else text
+    if not is_long:
+        return text
+    paper = "" if len(rows) > LONGEST else " class=paper"
+    return f"<details{paper}><summary>{caption or 'All'} ({len(rows)} rows)</summary>\n{text}</details>\n"
 
 
 def figures(values, prefix=""):
@@ -172,7 +177,7 @@ def page(results, folder):
     lines = advice(results)
     if lines:
         text += "<h2 id=advice>Which tier should this scene use?</h2>\n<ul>" + "".join(f"<li>{a}</li>" for a in lines) + "</ul>\n"
-    unfold = "<script>onbeforeprint = () => document.querySelectorAll('details').forEach((d) => d.open = true)</script>"
+    unfold = "<script>onbeforeprint = () => document.querySelectorAll('details.paper').forEach((d) => d.open = true)</script>"
     return text + "".join(section(key, results, folder) for key in keys) + unfold + "</body></html>\n"
 
 
