@@ -125,14 +125,14 @@ void MarkerPlaces::correct(PlatePoses& poses) const {
 
 std::span<const PoseVector> MarkerPlaces::doubts(const PlatePoses& corrected) {
   if (!is_estimated_) return {};
-  for (int k = 0; k < kDoubts; ++k) {
-    const Vec3f turn = left_open_.block<3, 1>(0, k);
-    for (int p = 0; p < kPlates; ++p) {
-      const PlateMotion& plate = corrected.plates[static_cast<std::size_t>(p)];
-      const Vec3f offset_mm = left_open_.block<3, 1>(4 + 3 * p, k);
-      doubts_[static_cast<std::size_t>(k)].segment<6>(6 * p)
-          << left_open_(3, k) * plate.displacement_mm - turn.cross(plate.displacement_mm) -
-                 (so3_exp(plate.rotation_rad) * offset_mm - offset_mm),
+  for (int p = 0; p < kPlates; ++p) {
+    const PlateMotion& plate = corrected.plates[static_cast<std::size_t>(p)];
+    const Eigen::Matrix3f turned = so3_exp(plate.rotation_rad);
+    for (int k = 0; k < kDoubts; ++k) {
+      const Vec3f turn = left_open_.block<3, 1>(0, k), offset_mm = left_open_.block<3, 1>(4 + 3 * p, k);
+      doubts_[static_cast<std::size_t>(k)].segment<6>(6 * p) << left_open_(3, k) * plate.displacement_mm -
+                                                                    turn.cross(plate.displacement_mm) -
+                                                                    (turned * offset_mm - offset_mm),
           -turn.cross(plate.rotation_rad);
     }
   }
