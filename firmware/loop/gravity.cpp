@@ -1,5 +1,7 @@
 #include "firmware/loop/gravity.h"
 
+#include <algorithm>
+
 namespace finsight {
 
 GravityCorrection::GravityCorrection(const TouchModel& model, const std::optional<Vec3f>& fixed_g)
@@ -18,7 +20,8 @@ float GravityCorrection::apply(bool is_zeroed, PlatePoses& poses) const {
     plate.displacement_mm -= motion.segment<3>(6 * p);
     plate.rotation_rad -= motion.segment<3>(6 * p + 3);
   }
-  return (is_fixed_ ? 0 : kKnown_g) + kKnownChange * change_g.norm();
+  const float beyond_g = std::max(change_g.norm() - 1, 0.0F);
+  return (is_fixed_ ? 0 : kKnown_g) + kKnownChange * change_g.norm() + kKnownBeyond1g * beyond_g * beyond_g;
 }
 
 }  // namespace finsight

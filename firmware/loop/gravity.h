@@ -12,9 +12,9 @@ namespace finsight {
 /// pack.
 class GravityCorrection {
  public:
-  /// Left over where the direction is known: two degrees of the arm's own error, and of the change since the zero what
-  /// a bent finger answers otherwise than an unbent one.
-  static constexpr float kKnown_g = 0.03F, kKnownChange = 0.12F;
+  /// Left over where the direction is known, in g: two degrees of the arm's own error, and of the change since the zero
+  /// what a bent finger answers otherwise than an unbent one. That grows faster beyond 1 g, with the square.
+  static constexpr float kKnown_g = 0.03F, kKnownChange = 0.12F, kKnownBeyond1g = 0.12F;
   /// Two random directions differ by 0.82 g along each axis, and an arm adds up to 2 g of its own.
   static constexpr float kUnknownSinceZero_g = 1.2F, kUnknown_g = 1.0F;
 

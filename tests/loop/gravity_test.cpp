@@ -37,7 +37,8 @@ TEST_CASE("gravity: what a turn since the zero bends is taken out") {
   gravity.set_at_zero(gravity.felt());
   gravity.set_felt(kLevel);
   PlatePoses poses;
-  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.12 * std::sqrt(2.0)));
+  CHECK(gravity.apply(true, poses) ==
+        doctest::Approx(0.03 + 0.12 * std::sqrt(2.0) + 0.12 * std::pow(std::sqrt(2.0) - 1, 2)));
   // Of plate 1, numbers 6 to 11: z adds i + 200, the lost -y adds i + 100.
   CHECK(poses.plates[1].displacement_mm == Vec3f(-312, -314, -316));
   CHECK(poses.plates[1].rotation_rad == Vec3f(-318, -320, -322));
