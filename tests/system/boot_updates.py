@@ -26,7 +26,7 @@ def state_of(board):
 
 
 def sticks_handled(board):
-    return int(board.shell("journalctl -b --no-pager | grep -cE '(Finished|Failed to start|Condition check.*) "
+    return int(board.shell("journalctl -b --no-pager 2>/dev/null | grep -cE '(Finished|Failed to start|Condition check.*) "
                            "finsight-(stick|update)@'")[1])
 
 
