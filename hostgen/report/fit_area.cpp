@@ -133,7 +133,7 @@ Places solve_places(const VirtualFinger& finger, const FingerSpec& nominal, int 
   return places;
 }
 
-/// What a user hangs up: six, three and two and a half newtons from the lowest row on, a minute at the middle hole.
+/// What a user hangs up: six, three and two and a half newtons from the lowest row on, a minute in the middle of each.
 std::vector<WeightRecord> weigh(const Places& places, const FitBasis& basis, Bench& bench) {
   constexpr std::array<double, 3> kForces_n = {5.9, 2.9, 2.45};
   std::vector<WeightRecord> records;
@@ -143,7 +143,7 @@ std::vector<WeightRecord> weigh(const Places& places, const FitBasis& basis, Ben
     bench.rest(place);
     WeightRecord record{
         .name = "hole " + std::to_string(h + 1), .hole = basis.holes[h].number, .force_n = force_n, .readings = {}};
-    const int readings = h == places.holes.size() / 2 ? 300 : 35;
+    const int readings = h % 3 == 1 ? 300 : 35;
     for (int i = 0; i < readings; ++i) record.readings.push_back(bench.press(place, force_n).front());
     records.push_back(std::move(record));
   }

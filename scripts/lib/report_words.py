@@ -173,8 +173,8 @@ SECTIONS = {
         "text": "Virtual fingers that no tuning has seen: walls, stiffness, markers, camera, lens, creep, hysteresis and "
                 "temperature drawn from the workshop's ranges, solved on a finer mesh than the pack's, and measured by the whole "
                 "firmware from the corners of their markers on. Mount measured and zeroed; a weight at each hole of the jig, one "
-                "of them for a minute; then touches elsewhere of any age up to 20 s, half of them after a larger force. Touches "
-                "count from 4 mm of plate motion on.",
+                "in each row for a minute; then touches elsewhere of any age up to 20 s, half of them after a larger force, and "
+                "another weight for a minute at two of the holes, for drift. Touches count from 4 mm of plate motion on.",
         "pictures": [("fit.svg", "Each finger's mean errors, before and after the fit; below the line the fit helps.")],
         "tables": [("fit.rows", ["fit", "forces", "force_relative", "force_mean_n", "force_coverage_68", "touches", "touch_mean_mm",
                                  "touch_95_mm", "coverage_68", "drift", "drift_inside_deviation"],

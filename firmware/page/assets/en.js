@@ -183,7 +183,7 @@ export const text = {
       no_touch: "The finger was not touched for the whole two seconds.", now: (force, sigma, weight) => `${force} ± ${sigma} N now; the weight presses with ${weight} N`,
       columns: ["Hole", "g", "Weight, N", "Force, N", "Off", "Inside ±"],
       summary: (error, inside, count) => `${error} N off on average; ${inside} of ${count} inside the stated deviation (about two of three should be)`,
-      record_title: "Recordings for a fit", record_text: "One recording for each of three to nine weights: start it, leave the finger untouched for two seconds, then hang the weight up; leave one of them for a minute. Download the recordings (page Recordings) and run the command below on a workstation.",
+      record_title: "Recordings for a fit", record_text: "One recording for each of three to nine weights: start it, leave the finger untouched for two seconds, then hang the weight up. Leave three of them, one in each row of holes, for a minute. Download the recordings (page Recordings) and run the command below on a workstation.",
       session: "Recording", fit_title: "Fit and certificate", fitted: "Fitted on", scale: "Force scale", verified: "Verified on", expanded: "Expanded uncertainty (k = 2)",
       never: "never", fit_text: "An unfitted finger says how far it may be off. hostgen fit makes fit.toml, hostgen verify a certificate and its figures (JSON).",
       use_fit: "Use fit.toml …", fit_used: "The fit is stored. The program restarts with it.", use_certificate: "Enter a certificate (JSON) …",
