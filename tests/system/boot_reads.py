@@ -259,8 +259,8 @@ def a_virtual_camera_is_read(bench):
     images = read_images(SESSION)[2]
     # More images than ImageCheck remembers: a camera that shows the same few again and again is frozen.
     stick, shown = virtual_camera_stick([images[k] for k in touched[::len(touched) // 6][:6]])
-    write_session(WORK / "shown", SESSION, shown * 2)  # the second time with all that the first has left behind
-    expected = workstation_replay(bench, FRAME_BY_ITSELF, WORK / "shown")[len(shown):]
+    write_session(WORK / "shown", SESSION, shown * 20)  # the last time with all that the others have left behind
+    expected = workstation_replay(bench, FRAME_BY_ITSELF, WORK / "shown")[-len(shown):]
     bench.fresh_card(camera_settings() + FRAME_BY_ITSELF)
     board = bench.machine
     board.start()
