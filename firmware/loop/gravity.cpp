@@ -20,8 +20,8 @@ float GravityCorrection::apply(bool is_zeroed, PlatePoses& poses) const {
     plate.displacement_mm -= motion.segment<3>(6 * p);
     plate.rotation_rad -= motion.segment<3>(6 * p + 3);
   }
-  const float beyond_g = std::max(change_g.norm() - 1, 0.0F);
-  return (is_fixed_ ? 0 : kKnown_g) + kKnownChange * change_g.norm() + kKnownBeyond1g * beyond_g * beyond_g;
+  const float changed_g = change_g.norm(), beyond_g = std::max(changed_g - 1, 0.0F);
+  return (is_fixed_ ? 0 : kKnown_g) + kKnownChange * changed_g + kKnownBeyond1g * beyond_g * beyond_g;
 }
 
 }  // namespace finsight

@@ -119,11 +119,10 @@ def files_on(stick):
 def ask_by_stick(bench):
     request = WORK / "finsight-report.txt"
     request.write_text("please\n")
+    handled = bench.machine.times_logged("Finished finsight-stick")
     stick = stick_with(bench, request)
     end = time.monotonic() + 120 * bench.machine.slowness
-    unit = "journalctl -b --no-pager 2>/dev/null | grep -c 'Finished finsight-stick'"
-    handled = bench.machine.shell(unit)[1]
-    while bench.machine.shell(unit)[1] == handled:
+    while bench.machine.times_logged("Finished finsight-stick") <= handled:
         check(time.monotonic() < end, "the stick was not looked at")
         time.sleep(1)
     bench.machine.pull_stick()
@@ -164,8 +163,7 @@ def the_log_survives_a_power_cut(bench):
     board.cut_power()
     board.start()
     board.wait_registers(lambda words: words[0] & READY)
-    _, found = board.shell(f"journalctl -b -1 --no-pager -t test 2>/dev/null | grep -c {mark}")
-    check(found.strip() == "1", "it is not in the log of the start before")
+    check(board.times_logged(mark, "-b -1 -t test") == 1, "it is not in the log of the start before")
     board.wait_registers(lambda words: not words[0] & ANY_FAULT, since_now=True)
     return ""
 

@@ -99,12 +99,12 @@ def a_broken_system_is_left_for_the_other_slot(bench):
 def outputs_wait_for_their_rights(bench):
     """The chip of the output lines gets its rights only a while after the firmware's start: it waits."""
     board = bench.running()
-    _, said = board.shell("chown root:root /dev/gpiochip0; chmod 600 /dev/gpiochip0; "
-                          "journalctl -b -u finsight-safe --no-pager 2>/dev/null | grep -c 'SAFE MODE'; "
-                          "systemctl restart --no-block finsightd; sleep 5; chgrp gpio /dev/gpiochip0; chmod 660 /dev/gpiochip0")
+    before = board.times_logged("SAFE MODE", "-b -u finsight-safe")
+    board.shell("chown root:root /dev/gpiochip0; chmod 600 /dev/gpiochip0; "
+                "systemctl restart --no-block finsightd; sleep 5; chgrp gpio /dev/gpiochip0; chmod 660 /dev/gpiochip0")
     bench.frames_advance()
-    _, now = board.shell("journalctl -b -u finsight-safe --no-pager 2>/dev/null | grep -c 'SAFE MODE'")
-    check(now.strip() == said.strip(), f"times in safe mode: {said} before, {now} after")
+    now = board.times_logged("SAFE MODE", "-b -u finsight-safe")
+    check(now == before, f"times in safe mode: {before} before, {now} after")
     return ""
 
 

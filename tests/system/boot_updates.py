@@ -26,8 +26,7 @@ def state_of(board):
 
 
 def sticks_handled(board):
-    return int(board.shell("journalctl -b --no-pager 2>/dev/null | grep -cE '(Finished|Failed to start|Condition check.*) "
-                           "finsight-(stick|update)@'")[1])
+    return board.times_logged("(Finished|Failed to start|Condition check.*) finsight-(stick|update)@")
 
 
 def fat_stick(files, free_mib=48):

@@ -191,6 +191,11 @@ class Machine:
         output, _, last = text.rstrip("\n").rpartition("\n")
         return int(last.split()[-2]), output
 
+    def times_logged(self, pattern, of="-b"):
+        """How many lines of the guest's log match; `of`: which part of it, as journalctl's options. While the log is rotated
+        there may be fewer than before, and journalctl says so on its error output."""
+        return int(self.shell(f"journalctl {of} --no-pager 2>/dev/null | grep -cE '{pattern}'")[1])
+
     @staticmethod
     def read_until(client, mark):
         text = b""
