@@ -182,12 +182,17 @@ def page(results, folder):
 
 
 def renew_readme(readme, results, folder):
-    """The claims between README's markers, and beside hostgen's report what they and its plots were made from."""
-    rows, kept = claims(results), readme.parent / README_FOLDER
-    plots = [(name, words) for name, words in README_PLOTS if (folder / name).exists()]
-    for name, _ in plots:
-        shutil.copy(folder / name, kept / name)
-    (kept / "claims.json").write_text(json.dumps({"claims": rows, "plots": plots}, indent=1, ensure_ascii=False) + "\n")
+    """The claims between README's markers, and beside hostgen's report what they and its plots were made from. What this
+    folder has no figures of stays as it stands there, with its own date and commit."""
+    kept = readme.parent / README_FOLDER
+    file = kept / "claims.json"
+    standing = {row["claim"]: row for row in json.loads(file.read_text())["claims"]} if file.exists() else {}
+    rows = [standing.get(row["claim"], row) if row["met"] is None else row for row in claims(results)]
+    for name, _ in README_PLOTS:
+        if (folder / name).exists():
+            shutil.copy(folder / name, kept / name)
+    plots = [(name, words) for name, words in README_PLOTS if (kept / name).exists()]
+    file.write_text(json.dumps({"claims": rows, "plots": plots}, indent=1, ensure_ascii=False) + "\n")
     readme.write_text(with_claims(readme.read_text(), rows, plots))
 
 

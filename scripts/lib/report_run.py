@@ -5,7 +5,7 @@ Measures and writes build/report/results.json, plots and index.html.
             {areas}
   --quick   with the demo's model (quick profile), shorter motions: about 4 minutes on idle cores once scripts/demo has run
   --resume  leave out what has been measured at this commit and as thoroughly: to go on after an interruption
-  --readme  also renew the claims and the plots in README.md
+  --readme  also renew the claims and the plots in README.md; those of areas that were never measured here stay as they are
 Area real needs FINSIGHT_DATA, a folder with touch-recordings/recordings.csv (hostgen import-recordings makes it); area
 appliance takes the figures of the last image test (tests/system/boot). Each area's figures are kept as soon as they are
 there. Times mean something on a machine that does nothing else: what other programs took meanwhile is measured, and the

@@ -95,6 +95,24 @@ class Page(unittest.TestCase):
         with self.assertRaises(SystemExit):
             report_claims.with_claims("no markers", [], [])
 
+    def test_readme_keeps_the_claims_of_areas_that_were_not_measured_here(self):
+        kept = self.path / report_claims.README_FOLDER
+        kept.mkdir(parents=True)
+        readme = self.path / "README.md"
+        readme.write_text(f"{report_claims.BEGIN}\n{report_claims.END}\n")
+        measured_here, made = results(), self.path / "made"
+        made.mkdir()
+        report_charts.draw(measured_here, made)
+        elsewhere = results(vision={"frame_ms_p99": 5.5}, modbus={"read_us_p99": 77.0})
+        report_page.renew_readme(readme, elsewhere, made)
+        report_page.renew_readme(readme, measured_here, made)
+        self.assertIn("5.5 ms", readme.read_text())
+        self.assertIn("58 µs", readme.read_text())
+        self.assertNotIn("77 µs", readme.read_text())
+        (made / "growth.svg").unlink()
+        report_page.renew_readme(readme, measured_here, made)
+        self.assertIn("growth.svg", readme.read_text())
+
     def test_readme_shows_the_claims_of_the_report_that_it_was_made_from(self):
         readme = (SOURCE / "README.md").read_text()
         kept = json.loads((SOURCE / report_claims.README_FOLDER / "claims.json").read_text())

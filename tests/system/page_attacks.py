@@ -631,5 +631,5 @@ class Misuse(unittest.TestCase):
 if __name__ == "__main__":
     prepare()
     render(REST, "--motion", "rest", "--seconds", "3")
-    render(WORK / "covered", "--event", "covered", "--seconds", "15")
+    render(WORK / "covered", "--event", "covered", "--seconds", "30")
     unittest.main(verbosity=2)

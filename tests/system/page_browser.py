@@ -527,7 +527,8 @@ if __name__ == "__main__":
         sys.exit(77)
     prepare()
     render(REST, "--motion", "rest", "--seconds", "3")
-    render(COVERED, "--event", "covered", "--seconds", "15")
+    # Each marker is hidden for a twelfth of it, and is named after a second: long enough that a slow browser sees it.
+    render(COVERED, "--event", "covered", "--seconds", "30")
     for event, seconds in FAULTY.items():
         render(WORK / event, "--motion", "rest", "--event", event, "--seconds", str(seconds))
     unittest.main(verbosity=2)
