@@ -173,7 +173,7 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
 }  // namespace
 
 json measure_pictures(const Model& model, const FingerSpec& spec, bool quick) {
-  const int places = quick ? 20 : 200;
+  const int places = quick ? 20 : 400;
   const double seconds = quick ? 1.2 : 16;
   const SceneCase any{.name = "any", .scenes = {model.scene}, .load = SceneCase::Load::kAny};
   std::vector<FemState> held;

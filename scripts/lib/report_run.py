@@ -122,7 +122,7 @@ AREAS = {
     "solver": (solver, 25, 260), "hard": (nothing, 25, 510), "fem": (nothing, 2, 65), "touch": (nothing, 15, 220),
     "scene": (nothing, 30, 525), "fit": (nothing, 30, 680), "real": (nothing, 20, 490), "force": (nothing, 15, 120),
     "vision": (nothing, 20, 160), "modbus": (modbus, 30, 160), "page": (page, 30, 200), "fingers": (fingers, 10, 60),
-    "pictures": (nothing, 25, 170), "appliance": (appliance, 1, 1),
+    "pictures": (nothing, 25, 400), "appliance": (appliance, 1, 1),
 }
 
 
