@@ -13,8 +13,8 @@ namespace finsight::host {
 
 namespace {
 
-constexpr std::size_t kTouches = 30000;  // drawn between the states; each is measured about 25 times
-constexpr std::int32_t kFold = 5;        // one point in this many is held out
+constexpr std::size_t kMeasuredPerTouch = 25;  // of the touches that are drawn between the states, about
+constexpr std::int32_t kFold = 5;              // one point in this many is held out
 constexpr int kNoisyRepeats = 20;
 
 struct StateSplit {
@@ -122,7 +122,9 @@ std::vector<float> mean_face_axes(const FingerSpec& spec) {
 void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const TouchTrainingPlan& plan,
            const TouchSource& source, std::uint64_t seed, Progress& progress) {
   Random random(seed);
-  const std::vector<TouchSample> touches = source(run.split.train, run.split.other_train, kTouches, random);
+  const std::size_t count =
+      static_cast<std::size_t>(plan.steps) * static_cast<std::size_t>(plan.batch) / kMeasuredPerTouch;
+  const std::vector<TouchSample> touches = source(run.split.train, run.split.other_train, count, random);
   const CornerMeasurement camera(spec, prior);
   const auto tick = [&] {
     if (interrupted()) throw Interrupted();
