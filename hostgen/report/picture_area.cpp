@@ -80,15 +80,16 @@ class Score {
   }
   json figures() const {
     const auto touches = static_cast<double>(errors_mm_.size());
-    json row = {{"firm_touches", firm_}, {"published", errors_mm_.size()}};
+    const auto firm = static_cast<double>(firm_);
+    json row = {{"firm_touches", firm_}, {"published", touches / std::max(1.0, firm)}};
     for (std::size_t p = 0; p < kPlates; ++p) {
       row[std::string("recall_") + kPlateNames[p]] = static_cast<double>(seen_[p]) / static_cast<double>(frames_);
     }
     if (errors_mm_.empty()) return row;
     row["touch_mm"] = std::accumulate(errors_mm_.begin(), errors_mm_.end(), 0.0) / touches;
-    row["radius_mm"] = radius_sum_mm_ / touches;
+    row["published_radius_mm"] = radius_sum_mm_ / touches;
     row["coverage_68"] = static_cast<double>(inside_) / touches;
-    row["lies"] = static_cast<double>(lies_) / touches;
+    row["lies"] = static_cast<double>(lies_) / firm;
     return row;
   }
 
@@ -182,14 +183,15 @@ json measure_pictures(const Model& model, const FingerSpec& spec, bool quick) {
       make_touch_path(spec, make_mesh(spec), TouchPlan(spec, seconds, kSeed, TouchPlan::Path::kFast),
                       static_cast<int>(seconds * kFramesPerSecond), kFramesPerSecond);
   const std::vector<Picture> all = pictures();
-  const auto states_of = [&](const Picture& picture) -> const std::vector<FemState>& { return picture.fast ? fast : held; };
+  const auto states_of = [&](const Picture& picture) -> const std::vector<FemState>& {
+    return picture.fast ? fast : held;
+  };
   std::size_t frames = 0;
   for (const Picture& picture : all) frames += states_of(picture).size();
   std::vector<json> rows(all.size());
   Progress progress("pictures as cameras make them", frames);
-  parallel_for(all.size(), [&](std::size_t i) {
-    rows[i] = measure_picture(model, spec, all[i], states_of(all[i]), progress);
-  });
+  parallel_for(all.size(),
+               [&](std::size_t i) { rows[i] = measure_picture(model, spec, all[i], states_of(all[i]), progress); });
   return {{"pictures", rows}};
 }
 

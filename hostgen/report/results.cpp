@@ -37,6 +37,7 @@ constexpr const char* kSkeleton = R"({
   "shape": {"touch_point_mm": {"energy_clean": null, "energy_noisy": null, "contact_aware_clean": null,
             "contact_aware_noisy": null, "why": "area touch was not measured"}},
   "scene": {"name": null, "worst_coverage_error": null, "worst_lies": null, "why": "area scene was not measured"},
+  "fit": {"before": {"force_relative": null}, "after": {"force_relative": null}, "why": "area fit was not measured"},
   "real": {"random": {"r2": null}, "by_contact_point": {"r2": null}, "pen_distance_mm": null,
            "why": "area real was not measured"},
   "force": {"gauss_newton_s": null, "lbfgs_s": null, "front_mean_mm": null, "why": "area force was not measured"},

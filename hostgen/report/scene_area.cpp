@@ -187,7 +187,8 @@ struct Summary {
     for (const double error : errors_mm) sum_mm += error;
     json row = {
         {"trials", count}, {"published", published / of}, {"unexplained", unexplained / of}, {"lies", lies / of}};
-    if (published == 0) return row;
+    constexpr double kFewest = 20;  // fewer touches tell no share
+    if (published < kFewest) return row;
     const auto three = [](const auto& numbers, int first) {
       return json::array({numbers[first], numbers[first + 1], numbers[first + 2]});
     };

@@ -8,6 +8,7 @@ FOLDER holds results.json and the plots that hostgen report made; every picture 
 import argparse
 import html
 import json
+import os
 import re
 import shutil
 import sys
@@ -41,7 +42,7 @@ summary{cursor:pointer;color:var(--link)}figure{margin:1rem 0;background:#fff;bo
 figure svg,figure img{max-width:100%;height:auto;display:block;margin:auto}figcaption{color:#5f6b7a;font-size:.9rem}
 @media(max-width:40rem){.words th:first-child,.words td:first-child{min-width:9rem}}
 @media print{nav{display:none}body{max-width:none;font-size:11px;color:#000;background:#fff}h2{break-after:avoid}
-tr,figure{break-inside:avoid}.wide{overflow:visible}table{font-size:8.5px}th,td{padding:.1rem .3rem}
+tr,figure{break-inside:avoid}.wide{overflow:visible}table,.how{font-size:8.5px}th,td{padding:.1rem .3rem}
 details:not([open])>summary::after{content:": on the screen only, and in results.json"}}
 """
 
@@ -114,6 +115,7 @@ def picture(folder, name, caption):
         return ""
     svg = re.sub(r"^.*?(?=<svg)", "", file.read_text(), flags=re.S)
     own = Path(name).stem
+    svg = re.sub(r"<title>(Gnuplot|\$[^<]*|[^<]*using [^<]*)</title>", "", svg)  # gnuplot's own names of its lines
     svg = re.sub(r"\bid=(['\"])([^'\"]+)\1", rf"id=\1{own}-\2\1", svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{own}-\1)", svg)
     svg = re.sub(r"(xlink:href|href)=(['\"])#([^'\"]+)\2", rf"\1=\2#{own}-\3\2", svg)
@@ -137,7 +139,7 @@ def section(key, results, folder):
     measured = results.get("measured", {}).get(entry["area"])
     if measured:
         text += f"<p class=how><code>{measured['command']}</code>, {measured['date']}, {measured['commit']}{quiet(measured)}"
-        text += "".join(f" · <a href=\"{ROOT / source}\">{source}</a>" for source in entry.get("code", [])) + "</p>\n"
+        text += "".join(f" · <a href=\"{os.path.relpath(ROOT / source, folder)}\">{source}</a>" for source in entry.get("code", [])) + "</p>\n"
     for name, caption in entry.get("pictures", []):
         text += picture(folder, name, caption)
     values = results.get(key)
@@ -166,10 +168,11 @@ def rows_of(values, starts=()):
 
 def page(results, folder):
     machine = html.escape(str(results.get("machine")))
+    commits = sorted({how["commit"] for how in results.get("measured", {}).values() if how.get("commit")})
     text = ("<!doctype html>\n<html lang=en><head><meta charset=utf-8><meta name=viewport content=\"width=device-width\">"
             f"<title>Finsight: speed against error</title><style>{STYLE}</style></head><body>\n"
-            f"<h1>Finsight: speed against error</h1>\n<p class=dim>{machine}; commit {results.get('commit')}; profile "
-            f"{results.get('profile')}. All figures: <a href=results.json>results.json</a>.</p>\n<nav>")
+            f"<h1>Finsight: speed against error</h1>\n<p class=dim>{machine}; commit{'s' if len(commits) > 1 else ''} "
+            f"{', '.join(commits) or results.get('commit')}; profile {results.get('profile')}. All figures: <a href=results.json>results.json</a>.</p>\n<nav>")
     keys = [key for key in SECTIONS if key in results]
     text += "".join(f"<a href=#{key}>{SECTIONS[key]['title']}</a>" for key in keys) + "</nav>\n"
     text += "<h2 id=claims>Claims</h2>\n" + claims_html(claims(results))

@@ -15,6 +15,7 @@ import json
 import os
 import platform
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -119,10 +120,10 @@ def nothing(_):
 
 # Area: what hostgen does not measure by itself, and how many seconds it takes, quick and in full, where nobody has measured.
 AREAS = {
-    "solver": (solver, 25, 260), "hard": (nothing, 25, 510), "fem": (nothing, 2, 65), "touch": (nothing, 15, 220),
-    "scene": (nothing, 30, 525), "fit": (nothing, 30, 680), "real": (nothing, 20, 490), "force": (nothing, 15, 120),
+    "solver": (solver, 25, 250), "hard": (nothing, 25, 510), "fem": (nothing, 2, 65), "touch": (nothing, 15, 220),
+    "scene": (nothing, 30, 400), "fit": (nothing, 30, 680), "real": (nothing, 20, 490), "force": (nothing, 15, 120),
     "vision": (nothing, 20, 160), "modbus": (modbus, 30, 160), "page": (page, 30, 200), "fingers": (fingers, 10, 60),
-    "pictures": (nothing, 25, 400), "appliance": (appliance, 1, 1),
+    "pictures": (nothing, 25, 270), "appliance": (appliance, 1, 1),
 }
 
 
@@ -161,7 +162,9 @@ def measure(area, report):
     results = measured()
     results["measured"][area] |= {"seconds": round(seconds, 1),
                                   "others": round(max(0, (whole_after - whole) - (ours_after - ours)) / seconds, 2)}
-    (FOLDER / "results.json").write_text(json.dumps(results, indent=1) + "\n")
+    whole = FOLDER / "results.json.new"
+    whole.write_text(json.dumps(results, indent=1) + "\n")
+    whole.replace(FOLDER / "results.json")
 
 
 def expected_seconds(area, results, profile):
@@ -180,7 +183,7 @@ def main():
         print(__doc__.format(areas=" ".join(AREAS)))
         return 0
     options = {word for word in words if word.startswith("--")}
-    areas = [word for word in words if not word.startswith("--")] or list(AREAS)
+    areas = list(dict.fromkeys(word for word in words if not word.startswith("--"))) or list(AREAS)
     for word in sorted(options - {"--quick", "--resume", "--readme"}) + [area for area in areas if area not in AREAS]:
         print(f"report: unknown argument '{word}' (try --help)", file=sys.stderr)
         return 2
@@ -202,7 +205,9 @@ def main():
 if __name__ == "__main__":
     try:
         sys.exit(main())
-    except subprocess.CalledProcessError as error:
-        sys.exit(f"report: {' '.join(str(word) for word in error.cmd)} failed; scripts/report --resume goes on from here")
-    except KeyboardInterrupt:
-        sys.exit("report: interrupted; scripts/report --resume goes on from here")
+    except (subprocess.CalledProcessError, KeyboardInterrupt) as error:
+        again = " ".join(["scripts/report", "--resume", *(word for word in sys.argv[1:] if word != "--resume")])
+        is_interrupted = isinstance(error, KeyboardInterrupt) or error.returncode == -signal.SIGINT
+        what = "interrupted" if is_interrupted else " ".join(str(word) for word in error.cmd) + " failed"
+        print(f"report: {what}; {again} goes on from here", file=sys.stderr)
+        sys.exit(130 if is_interrupted else 1)

@@ -140,7 +140,7 @@ class Page(unittest.TestCase):
         page = self.made(figures)
         self.assertIn("a &amp; b: 0.5 mm", page)
         self.assertIn("<title>x 1.0, y 70.0 mm: 1.25 mm, 9 touches — scripts/report touch</title>", page)
-        self.assertIn("the part before it at the machine's peak", page.replace("&#x27;", "'"))
+        self.assertIn("the multiply-adds alone, at the core's peak", page.replace("&#x27;", "'"))
         self.assertIn("plate motion from 4 mm (100 touches)", page)
         self.assertNotIn("plate motion from 7 mm", page)
         self.assertIn("<title>from 4 mm, 95 % are smaller: 4.50 mm, 5 touches — scripts/report touch</title>", page)
