@@ -23,9 +23,7 @@ constexpr int kMinFrames = 10;
 constexpr double kStillPx = 0.5;    // scatter of a corner: noise makes a tenth of that, the lightest touch more
 constexpr double kLargestPx = 0.5;  // from the estimate: more is another lens, marker size or finger
 constexpr double kDegPerRad = 180 / std::numbers::pi;
-// How well parts are made: a camera held by its screws, a marker glued to a moulded plate, a print's size.
-constexpr double kCameraMm = 2, kCameraRad = 3 / kDegPerRad, kMarkerMm = 0.3, kMarkerRad = 2 / kDegPerRad,
-                 kPrintShare = 0.01;
+constexpr double kPrintShare = 0.01;  // how well a print's size is made
 
 constexpr int kPlaces = 1 + kPlates, kPrint = 6 * kPlaces, kNumbers = kPrint + 1, kCoordinates = 8 * kPlates;
 using Numbers = Eigen::Matrix<double, kNumbers, 1>;  // per place: shift, rotation vector; in the finger frame; print

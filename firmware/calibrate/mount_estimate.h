@@ -3,12 +3,17 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <numbers>
 #include <string>
 
 #include "firmware/geometry/lens.h"
 #include "firmware/settings/measured_mount.h"
 
 namespace finsight {
+
+/// How well parts are made, as standard deviations: a camera held by its screws, a marker glued to a moulded plate.
+inline constexpr double kCameraMm = 2, kCameraRad = 3 * std::numbers::pi / 180, kMarkerMm = 0.3,
+                        kMarkerRad = 2 * std::numbers::pi / 180;
 
 /// Mean corners of the three markers over a session, [plate][corner], pixels.
 struct RestingCorners {

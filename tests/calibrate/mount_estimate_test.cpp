@@ -178,6 +178,12 @@ TEST_CASE("mount estimate: from a rendered session of a finger whose camera sits
     CHECK((off * at - at).norm() < 0.3);
   }
 
+  // Glossy paper by a ring of lights, whose reflection hides a part of the top marker.
+  Renderer glossy(mounted, c, image_preset("glare"), 3);
+  for (auto& grey : frames) glossy.render(std::array<PlateMotion, kPlates>{}, grey);
+  session.write(frames);
+  CHECK(resting_corners(session.folder.path(), nominal).frames == 12);
+
   // A frame of a touched finger among them, and markers that are not there.
   std::array<PlateMotion, kPlates> touched;
   touched[kTopPlate].displacement_mm.z() = 1.5F;
