@@ -127,13 +127,24 @@ std::unique_ptr<Sensor> open_sensor(const Settings& settings, bool is_alone, Fau
   return nullptr;
 }
 
+/// Tells of every finger what is wrong with it.
 int check(const std::vector<Settings>& fingers) {
+  int code = kDone;
   for (const Settings& settings : fingers) {
-    const Sensor opened(settings, false);
-    if (settings.gpio && has_gpio()) check_gpio(*settings.gpio);
-    if (settings.gpio && !has_gpio()) log_message("gpio: not checked, this build has no libgpiod 2");
+    try {
+      check_realtime(settings.realtime);
+      const Sensor opened(settings, false);
+      if (settings.gpio && has_gpio()) check_gpio(*settings.gpio);
+      if (settings.gpio && !has_gpio()) log_message("gpio: not checked, this build has no libgpiod 2");
+    } catch (const SelfTestError& error) {
+      code = std::max<int>(code, kSelfTestFailed);
+      log_message(settings.name, error.what());
+    } catch (const InputError& error) {
+      code = std::max<int>(code, kInputRefused);
+      log_message(settings.name, error.what());
+    }
   }
-  return kDone;
+  return code;
 }
 
 /// A file per finger: "registers.csv", or "registers-left.csv" for the one called left.
@@ -171,8 +182,8 @@ struct OrderedReset {
 /// The work itself. Opens everything in an order in which every thread starts before a loop becomes real-time.
 /// `reset`: the command that it was started again by, and again is to be.
 int measure(const Arguments& arguments, std::vector<Settings> settings, std::optional<OrderedReset>& reset) {
-  for (const Settings& finger : settings) check_realtime(finger.realtime);
   if (arguments.check) return check(settings);
+  for (const Settings& finger : settings) check_realtime(finger.realtime);
   spread_over_processors(settings);
   std::vector<std::unique_ptr<Sensor>> sensors;
   std::vector<FaultCode> faults(settings.size(), FaultCode::kNone);

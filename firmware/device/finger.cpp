@@ -123,6 +123,7 @@ bool Finger::run(SharedDevice& device) {
     return true;
   }
   const FingerAtWork work{others_.own,
+                          settings_.name,
                           sensor_->source,
                           sensor_->loop,
                           *commands_,

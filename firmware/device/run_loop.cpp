@@ -4,6 +4,7 @@
 #include <thread>
 #include <utility>
 
+#include "firmware/device/log.h"
 #include "firmware/settings/measured_fit.h"
 
 namespace finsight {
@@ -30,7 +31,10 @@ bool run(Source<Sample>& source, FingerAtWork work, SharedDevice& device, int ti
     Sample sample;
     const bool has_frame = source.next(sample, timeout_ms);
     if (!has_frame && source.ended()) {
-      if (!std::exchange(has_ended, true)) --device.sources;
+      if (!std::exchange(has_ended, true)) {
+        if (!source.error().empty()) log_message(work.name, source.error());
+        --device.sources;
+      }
       if (device.sources <= 0) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(timeout_ms));
     }

@@ -26,7 +26,8 @@ struct SharedDevice {
 /// What works together while frames come, for one finger. All threads beside the loops' exist before these start, so
 /// that none inherits a loop's processor or priority.
 struct FingerAtWork {
-  std::size_t finger;  ///< its place among the device's
+  std::size_t finger;       ///< its place among the device's
+  const std::string& name;  ///< empty on a board that has only one
   const OpenSource& source;
   FrameLoop& loop;
   Commands& commands;

@@ -25,6 +25,11 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
     case Settings::Source::kSession: {
       SessionInfo info = read_session_info(settings.replay.path);
       check_markers(info, settings.replay.path, model.mount.marker_id, marker_size_mm, "the model pack");
+      if (info.readout_ms > 0 && !settings.replay.recorded_speed) {
+        throw InputError((settings.replay.path / kSessionInfo).string(), "readout_ms", std::to_string(info.readout_ms),
+                         "a session of a global shutter, or speed = \"recorded\" in the board file: at full speed "
+                         "frames have no times from which to tell how fast markers move");
+      }
       if (!settings.measured_lens.empty()) {
         info.lens = read_lens(TomlTable::parse_file(settings.measured_lens), info.lens.width_px, info.lens.height_px);
       }
@@ -40,7 +45,7 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
                      .marker_size_mm = marker_size_mm,
                      .description = {},
                      .gravity_g = settings.fixed_g,
-                     .coding = settings.camera.coding,
+                     .coding = settings.camera.coding.value_or(Coding::kLinear),
                      .readout_ms = settings.camera.readout_ms.value_or(0)};
 }
 
@@ -48,6 +53,12 @@ void complete_from_source(const Settings& settings, const std::optional<SessionI
   const bool is_recorded_motion = settings.source == Settings::Source::kPoses;
   loop.rest_is_known = is_recorded_motion || images->from_rest;
   if (images) loop.readout_ms = images->readout_ms;
+  if (settings.source == Settings::Source::kCamera && !settings.camera.coding) {
+    log_message(
+        settings.name,
+        "coding is not told (board file, [source]): grey levels are taken for linear; of a camera that codes them for "
+        "the eye, as webcams do, touches are only right after a zero");
+  }
   if (settings.source == Settings::Source::kCamera && !settings.camera.readout_ms) {
     log_message(
         settings.name,

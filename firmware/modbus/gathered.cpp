@@ -41,6 +41,7 @@ struct Forces {
 
 Forces forces_of(const RegisterImage& finger) {
   const std::uint16_t status = finger.words[0];
+  if (status & kAnyFault) return {};  // also while the last touch is still held
   if (status & kTouchValid) {
     const double force_n = measured_value(finger, address_of("force"));
     const double normal_n = measured_value(finger, address_of("force_normal"));
@@ -49,8 +50,7 @@ Forces forces_of(const RegisterImage& finger) {
     const double force_sigma_n = measured_value(finger, address_of("force_uncertainty"));
     return {force_n, force_n, force_sigma_n * force_sigma_n};  // the plates do not tell how the force is directed
   }
-  const bool is_untouched =
-      (status & kReady) && (status & kShapeValid) && !(status & (kOverRange | kUnexplained | kAnyFault));
+  const bool is_untouched = (status & kReady) && (status & kShapeValid) && !(status & (kOverRange | kUnexplained));
   return is_untouched ? Forces{0, 0, 0} : Forces{};
 }
 

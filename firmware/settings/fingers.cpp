@@ -26,15 +26,16 @@ std::string read_name(TomlTable& table, const std::vector<Settings>& before) {
   return name;
 }
 
-/// Two cameras cannot be told apart by the same name. Whether two names are one camera's shows only when it is opened.
+/// A name is a part of a camera's id or model, so one that holds another's fits that camera, too. Whether two names are
+/// one camera's shows only when it is opened.
 void check_camera(const Settings& finger, const Settings& other, const std::string& where) {
   constexpr auto kCamera = Settings::Source::kCamera;
   if (finger.source != kCamera || other.source != kCamera) return;
-  if (finger.camera.name == other.camera.name || finger.camera.name.empty() || other.camera.name.empty()) {
-    throw InputError(
-        where, "finger.source.camera",
-        "\"" + finger.camera.name + "\", and \"" + other.camera.name + "\" of finger \"" + other.name + "\"",
-        "names of two cameras");
+  const std::string &one = finger.camera.name, &another = other.camera.name;
+  if (one.find(another) != std::string::npos || another.find(one) != std::string::npos) {
+    throw InputError(where, "finger.source.camera",
+                     "\"" + one + "\", and \"" + another + "\" of finger \"" + other.name + "\"",
+                     "names of two cameras, neither of which is a part of the other");
   }
 }
 

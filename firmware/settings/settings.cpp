@@ -39,7 +39,7 @@ void read_live(TomlTable& table, Settings& settings) {
   live.width_px = static_cast<int>(table.integer("width_px", 16, Y4mReader::kMaxSide));
   live.height_px = static_cast<int>(table.integer("height_px", 16, Y4mReader::kMaxSide));
   live.frames_per_second = table.number("frames_per_second", 1, 1000);
-  live.coding = read_coding(table);
+  if (table.has("coding")) live.coding = read_coding(table);
   if (table.has("readout_ms")) live.readout_ms = read_readout_ms(table);
   if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
   if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);

@@ -25,7 +25,8 @@ void RollingShutter::straighten(const Frame& frame, MarkerCorners& corners) {
     now.seen_ns = frame.exposure_ns + static_cast<std::int64_t>(after_middle_ns(frame, now.middle_px.y()));
     const Sighting before = std::exchange(last_[p], now);
     const std::int64_t since_ns = now.seen_ns - before.seen_ns;
-    if (before.seen_ns == 0 || since_ns <= 0 || since_ns > kOldest_ns) continue;
+    // No camera starts a picture before it has read the last: frames nearer than that have times that are not theirs.
+    if (before.seen_ns == 0 || since_ns < readout_ns_ / 2 || since_ns > kOldest_ns) continue;
     const Vec2f per_ns = (now.middle_px - before.middle_px) / static_cast<float>(since_ns);
     for (Vec2f& at : corner) at -= per_ns * after_middle_ns(frame, at.y());
   }

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "hostgen/commands/commands.h"
+#include "hostgen/commands/options.h"
 #include "hostgen/report/attack.h"
 #include "hostgen/util/common.h"
 
@@ -22,7 +23,7 @@ void add_attack_command(CLI::App& app) {
       "attack", "a lawful Modbus client beside attackers of a firmware on this machine; scripts/report calls it");
   command->add_option("--port", options->port, "of the firmware")->required()->check(CLI::Range(1, 65535));
   command->add_option("--process", options->process, "its process id")->required();
-  command->add_option("--seconds", options->seconds, "of each attack")->check(CLI::Range(1.0, 3600.0));
+  command->add_option("--seconds", options->seconds, "of each attack")->check(between(1.0, 3600.0));
   command->add_option("-o,--output", options->output, "file for the figures (JSON)")->required();
   command->callback([options] {
     const nlohmann::json figures = measure_attacks(options->port, options->process, options->seconds);

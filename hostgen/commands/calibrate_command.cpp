@@ -8,6 +8,7 @@
 #include "hostgen/calibrate/board_views.h"
 #include "hostgen/calibrate/calibration_report.h"
 #include "hostgen/commands/commands.h"
+#include "hostgen/commands/options.h"
 #include "hostgen/util/common.h"
 #include "hostgen/util/output_name.h"
 
@@ -93,7 +94,7 @@ void add_calibrate_command(CLI::App& app) {
   command->add_option("--squares", options->squares, "of the board: columns x rows, an odd number of rows")
       ->capture_default_str();
   command->add_option("--square-mm", options->square_mm, "side of a printed square; the calibration does not need it")
-      ->check(CLI::Range(1.0, 500.0))
+      ->check(between(1.0, 500.0))
       ->capture_default_str();
   command->add_option("--every", options->every, "use every Nth frame of .y4m files")
       ->check(CLI::Range(1, 100000))

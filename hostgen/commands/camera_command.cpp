@@ -6,6 +6,7 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/commands/commands.h"
+#include "hostgen/commands/options.h"
 #include "hostgen/render/camera_choice.h"
 
 namespace finsight::host {
@@ -57,9 +58,14 @@ void print(const FingerSpec& spec, const CameraView& view) {
               "corner", "lost", "lateral", "depth", "tilt");
   for (std::size_t p = 0; p < kPlates; ++p) {
     const MarkerView& marker = view.markers[p];
-    std::printf("%-7s %6.1f mm %6.1f px %6.2f px %8s %7.3f px %4.0f %% %8.4f mm %6.3f mm %4.2f deg\n", kPlateNames[p],
-                marker.distance_mm, marker.side_px, marker.blur_px, marker.in_view ? "yes" : "NO", marker.corner_px,
-                100 * marker.lost, marker.lateral_mm, marker.depth_mm, marker.tilt_deg);
+    std::printf("%-7s %6.1f mm %6.1f px %6.2f px %8s ", kPlateNames[p], marker.distance_mm, marker.side_px,
+                marker.blur_px, marker.in_view ? "yes" : "NO");
+    if (std::isnan(marker.corner_px)) {
+      std::printf("not found in any picture\n");
+      continue;
+    }
+    std::printf("%7.3f px %4.0f %% %8.4f mm %6.3f mm %4.2f deg\n", marker.corner_px, 100 * marker.lost,
+                marker.lateral_mm, marker.depth_mm, marker.tilt_deg);
   }
   std::printf(
       "\nStandard deviations of one frame by each marker's corners alone; the pack of finger %s was planned for\n",
@@ -95,21 +101,21 @@ void add_camera_command(CLI::App& app) {
   command->add_option("--sensor", options->sensor, "a known sensor, or custom with --width, --height and --pixel-um")
       ->check(CLI::IsMember(sensor_names()))
       ->required();
-  command->add_option("--lens", options->focal_mm, "focal length, mm")->check(CLI::Range(0.5, 100.0))->required();
+  command->add_option("--lens", options->focal_mm, "focal length, mm")->check(between(0.5, 100.0))->required();
   command->add_option("--f-number", options->f_number, "focal length over aperture")
-      ->check(CLI::Range(0.7, 32.0))
+      ->check(between(0.7, 32.0))
       ->capture_default_str();
   command
       ->add_option("--focus", options->focus_mm,
                    "distance at which it is sharp, mm; by default nearest and furthest marker are equally sharp")
-      ->check(CLI::Range(5.0, 10000.0));
+      ->check(between(5.0, 10000.0));
   command
       ->add_option("--binning", options->binning,
                    "pixels of the sensor along one of the image's; by default such that it is 1920 wide at most")
       ->check(CLI::Range(1, 8));
   command->add_option("--width", options->width_px, "of a custom sensor, pixels")->check(CLI::Range(16, 8192));
   command->add_option("--height", options->height_px, "of a custom sensor, pixels")->check(CLI::Range(16, 8192));
-  command->add_option("--pixel-um", options->pixel_um, "of a custom sensor")->check(CLI::Range(0.5, 20.0));
+  command->add_option("--pixel-um", options->pixel_um, "of a custom sensor")->check(between(0.5, 20.0));
   command->add_flag("--rolling", options->rolling, "a custom sensor has a rolling shutter");
   command->add_flag("--colour", options->colour, "the colour version of the sensor");
   command->callback([options] { run(*options); });

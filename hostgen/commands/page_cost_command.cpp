@@ -6,6 +6,7 @@
 #include <string>
 
 #include "hostgen/commands/commands.h"
+#include "hostgen/commands/options.h"
 #include "hostgen/report/page_cost.h"
 #include "hostgen/util/common.h"
 
@@ -22,9 +23,7 @@ void add_page_cost_command(CLI::App& app) {
       "page-cost", "what watching browsers cost a firmware on this machine; scripts/report calls it");
   command->add_option("--folder", options->folder, "page.folder of the board file")->required();
   command->add_option("--port", options->port, "of finsight-page")->required()->check(CLI::Range(1, 65535));
-  command->add_option("--seconds", options->seconds, "of each turn")
-      ->check(CLI::Range(2.0, 600.0))
-      ->capture_default_str();
+  command->add_option("--seconds", options->seconds, "of each turn")->check(between(2.0, 600.0))->capture_default_str();
   command->add_option("--rounds", options->rounds, "of two turns, unwatched and watched")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();

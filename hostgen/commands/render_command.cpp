@@ -12,6 +12,7 @@
 #include "firmware/input_error.h"
 #include "firmware/ports/session.h"
 #include "hostgen/commands/commands.h"
+#include "hostgen/commands/options.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/finger/jig_holes.h"
 #include "hostgen/render/renderer.h"
@@ -103,7 +104,7 @@ SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options
       .gravity_g = Vec3f(0, 0, 0),  // what is rendered has no weight
       .coding = options.coding == "srgb" || image_preset(options.preset).srgb ? Coding::kSrgb : Coding::kLinear,
       .readout_ms = options.readout_ms,
-      .from_rest = !options.finger};
+      .from_rest = !options.finger && !image_preset(options.preset).is_misprinted()};
   for (int plate = 0; plate < kPlates; ++plate) info.marker_id[plate] = spec.plates[plate].marker_id;
   return info;
 }
@@ -238,7 +239,7 @@ void add_render_command(CLI::App& app) {
   command
       ->add_option("--readout-ms", options->readout_ms,
                    "rows are exposed one after the other, the last one this much later than the first")
-      ->check(CLI::Range(0.0, 50.0))
+      ->check(between(0.0, 50.0))
       ->capture_default_str();
   command->add_option("--motion", options->motion, "how the touch moves over the face")
       ->check(CLI::IsMember(names_of(touch_paths())))
@@ -255,10 +256,10 @@ void add_render_command(CLI::App& app) {
       ->add_option("--mass-g", options->mass_g,
                    "of that weight, from the third second on; several, with commas, follow each other")
       ->delimiter(',')
-      ->check(CLI::Range(1.0, 2000.0))
+      ->check(between(1.0, 2000.0))
       ->needs(hole);
   hole->needs("--mass-g")->excludes("--motion");
-  command->add_option("--seconds", options->seconds, "length")->check(CLI::Range(0.1, 600.0))->capture_default_str();
+  command->add_option("--seconds", options->seconds, "length")->check(between(0.1, 600.0))->capture_default_str();
   command->add_option("--seed", options->seed, "of the touch's path and of the noise")->capture_default_str();
   command->callback([options] { run(*options); });
 }

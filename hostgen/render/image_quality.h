@@ -29,7 +29,8 @@ struct ImageQuality {
   double print_scale = 1;  ///< of the printed markers
   double print_tilt_rad = 0;     ///< of every print on its plate, about the marker's x axis
   double print_bend_per_mm = 0;  ///< curvature of every print across, its middle nearer to the camera
-  double readout_s = 0;          ///< from the first row to the last, of a rolling shutter
+  bool is_misprinted() const { return print_scale != 1 || print_tilt_rad != 0 || print_bend_per_mm != 0; }
+  double readout_s = 0;  ///< from the first row to the last, of a rolling shutter
 };
 
 /// "lab": a clean finger in good light. "factory": dust, reflections, a lens that is not sharp at all depths, 4 ms of

@@ -63,6 +63,16 @@ TEST_CASE("source: a session of another finger's markers is refused") {
   CHECK_THROWS_WITH_AS(source_images(settings, model()), doctest::Contains("markers.size_mm"), InputError);
 }
 
+TEST_CASE("source: a session of a rolling shutter is refused at full speed, at which frames have no times") {
+  const test::ScratchFolder folder;
+  SessionInfo info = session_info();
+  info.readout_ms = 12;
+  Settings settings = session_settings(folder, info);
+  CHECK_THROWS_WITH_AS(source_images(settings, model()), doctest::Contains("readout_ms: found 12"), InputError);
+  settings.replay.recorded_speed = true;
+  CHECK(source_images(settings, model())->readout_ms == 12);
+}
+
 TEST_CASE("source: a camera's images are described by its settings and the model, recorded poses have none") {
   Settings settings;
   settings.source = Settings::Source::kPoses;

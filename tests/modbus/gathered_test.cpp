@@ -114,6 +114,11 @@ TEST_CASE("gathered: a finger that works and is not touched counts as 0 N, one w
   CHECK(broken.at(address_of("finger_2_fault")) == value_named("fault", "camera_lost"));
   CHECK(broken.has(bit_named("gripper_state", "any_fault")));
   CHECK_FALSE(broken.has(bit_named("gripper_state", "all_ready")));
+
+  const Gathered held({finger(2, 1, 60, 20), finger(3, 0, 0, 8, lost)});  // its last touch is still valid
+  CHECK(held.at(address_of("finger_2_force")) == 300);
+  CHECK(held.at(address_of("force_sum")) == 65535);
+  CHECK(held.signed_at(address_of("force_balance")) == -32768);
 }
 
 TEST_CASE("gathered: where a finger does not tell its normal force, the balance takes its force") {

@@ -88,6 +88,7 @@ TEST_CASE("fingers: two that name one camera are refused, as is one that would t
   const std::string two = kTop + camera("left") + camera("right");
   CHECK_REFUSED(replaced(two, "usb-right", "usb-left"), "usb-left\" of finger \"left\", expected names of two cameras");
   CHECK_REFUSED(replaced(two, "usb-right", ""), "expected names of two cameras");
+  CHECK_REFUSED(replaced(two, "usb-right", "usb-left-2"), "neither of which is a part of the other");
 }
 
 TEST_CASE("fingers: names must be plain and differ; there are at most four") {

@@ -329,6 +329,17 @@ class SeveralFingers(unittest.TestCase):
                 self.assertIn(reason, answer.stderr)
                 self.assertIn("board.toml:", answer.stderr)
 
+    def test_a_check_tells_of_every_finger_what_is_wrong(self):
+        with tempfile.TemporaryDirectory() as folder:
+            board = Path(folder) / "board.toml"
+            board.write_text("[modbus]\nport = 1\n" + "".join(
+                f'[[finger]]\nname = "{name}"\npack = "{folder}/{name}.safetensors"\n[finger.source]\nkind = "session"\npath = "{folder}/none"\n'
+                for name in ("left", "right")))
+            answer = run(BINARIES / "finsightd", "--settings", board, "--check")
+            self.assertEqual(answer.returncode, 2)
+            for name in ("left", "right"):
+                self.assertRegex(answer.stderr, rf"{name}: .*{name}\.safetensors")
+
 
 def device_word(gathered, offset):
     """The word that is so far behind finger 1's status."""

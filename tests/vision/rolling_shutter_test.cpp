@@ -82,4 +82,11 @@ TEST_CASE("rolling shutter: nothing changes for a global shutter, a still marker
   corners = seen(start, 10);
   rolling.straighten(frame(10), corners);
   CHECK(corners.corners_px[0] == seen(start, 10).corners_px[0]);
+
+  // Two frames that were handed over at once, with the times of that.
+  Frame burst = frame(10);
+  burst.exposure_ns += kNsPerMs;
+  corners = seen(start, 11);
+  rolling.straighten(burst, corners);
+  CHECK(corners.corners_px[0] == seen(start, 11).corners_px[0]);
 }
