@@ -75,6 +75,11 @@ void number_pages(std::vector<Settings>& fingers, const std::string& where) {
   for (std::size_t i = 0; i < fingers.size(); ++i) {
     if (!fingers[i].page) return;
     fingers[i].page->port += static_cast<int>(i);
+    if (fingers[i].page->port == fingers[i].modbus.port) {
+      throw InputError(where, "page.port", std::to_string(fingers[0].page->port),
+                       "a port that leaves " + std::to_string(fingers[i].modbus.port) +
+                           " to Modbus; each finger's page has one of its own, from this on");
+    }
     if (fingers[i].page->port <= 65535) continue;
     throw InputError(where, "page.port", std::to_string(fingers[0].page->port),
                      "room for the other fingers' pages behind it, up to 65535");

@@ -227,7 +227,8 @@ void plot_faces(const std::vector<CaseResult>& results, const FingerSpec& spec, 
   plot.line("set multiplot layout " + std::to_string(rows) + "," + std::to_string(kColumns));
   const double half_mm = spec.half_width.at(spec.touch_y_mm[0]);
   plot.line("unset key; set size ratio -1; set xrange [" + std::to_string(-half_mm - 8) + ":" +
-            std::to_string(half_mm + 8) + "]; set yrange [0:" + std::to_string(spec.height_mm) + "]; unset tics");
+            std::to_string(half_mm + 8) + "]; set yrange [0:" + std::to_string(spec.height_mm) +
+            "]; set xtics 20; set ytics 40; set tics font ',7'");
   for (const CaseResult& result : results) {
     plot.line("$lines << E");
     for (std::size_t i = 0; i < result.trials.size(); i += kRepeats) {
@@ -266,7 +267,11 @@ void plot_reliability(const std::vector<CaseResult>& results, const std::string&
                 std::to_string(result.summary.curve[static_cast<std::size_t>(k)]));
     }
     plot.line("E");
-    curves += (curves.empty() ? "plot " : ", ") + name + " with lines lw 1.5 title \"" + result.scene_case.name + "\"";
+    constexpr int kColours = 8;  // of gnuplot; each of them solid first, then dashed
+    const std::string style =
+        " lt " + std::to_string((index - 1) % kColours + 1) + " dt " + std::to_string((index - 1) / kColours + 1);
+    curves += (curves.empty() ? "plot " : ", ") + name + " with lines lw 1.5" + style + " title \"" +
+              result.scene_case.name + "\"";
   }
   if (curves.empty()) return;
   plot.line("$aim << E\n1 0.68\n2 0.95\nE");

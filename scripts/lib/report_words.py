@@ -168,7 +168,7 @@ SECTIONS = {
         "title": "What a gripper brings", "area": "scene", "code": ["hostgen/report/scene_cases.h"],
         "text": "States that no training has seen, solved for each case and measured with the spec's noise by the whole firmware. A "
                 "touch that is off by more than three of its radii is one that a PLC would act on wrongly.",
-        "pictures": [("scene_faces.svg", "True and published touches over the face, by case; red: off by more than three radii; "
+        "pictures": [("scene_faces.svg", "True and published touches over the face, by case; axes in mm; red: off by more than three radii; "
                                          "grey circles: not published."),
                      ("scene_reliability.svg", "Share of errors inside the published radius, by case of the pack's scene.")],
         "tables": [("scene.cases", ["case", "contained", "trials", "published", "unexplained", "touch_mm", "touch_95_mm",

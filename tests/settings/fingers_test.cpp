@@ -91,6 +91,13 @@ TEST_CASE("fingers: two that name one camera are refused, as is one that would t
   CHECK_REFUSED(replaced(two, "usb-right", "usb-left-2"), "neither of which is a part of the other");
 }
 
+TEST_CASE("fingers: no page takes the port of Modbus") {
+  const std::string two = kTop + camera("left") + camera("right");
+  CHECK_REFUSED(replaced(two, "[page]\n", "[page]\nport = 1501\n"),
+                "page.port: found 1501, expected a port that leaves 1502");
+  CHECK(read(replaced(two, "[page]\n", "[page]\nport = 1503\n")).size() == 2);
+}
+
 TEST_CASE("fingers: names must be plain and differ; there are at most four") {
   const std::string left = camera("left");
   CHECK_REFUSED(kTop + left + replaced(camera("right"), "name = \"right\"", "name = \"left\""),
