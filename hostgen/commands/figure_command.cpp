@@ -37,8 +37,7 @@ NumberedFrame measure(const Options& options, const Model& model) {
   const SessionInfo info = read_session_info(options.session);
   check_markers(info, options.session, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
                 options.pack.string());
-  MarkerStage markers(model, info.lens);
-  PoseStage plates(model, info.lens);
+  Observer observer(model.mount, model.prior, info.lens);
   ShapeStage shapes(model, {});
   TouchStage touches(model);
   const auto camera = open_session_camera({.path = options.session, .recording = "", .recorded_speed = false}, info);
@@ -46,8 +45,7 @@ NumberedFrame measure(const Options& options, const Model& model) {
   Frame frame;
   for (int number = 0; camera->next(frame, 0); ++number) {
     if (interrupted()) throw Interrupted();
-    const MarkerCorners& corners = markers.find(frame);
-    const PlatePoses& poses = plates.estimate(corners);
+    const PlatePoses poses = observer.observe(frame, {}).poses;
     const FingerShape& shape = shapes.solve(poses);
     const Touch& touch = touches.locate(poses);
     const bool strongest = shape.quality == Quality::kFresh && touch.quality == Quality::kFresh &&
@@ -57,7 +55,7 @@ NumberedFrame measure(const Options& options, const Model& model) {
     chosen.result = {{frame.grey, frame.grey + static_cast<std::ptrdiff_t>(frame.stride_bytes) * frame.height_px},
                      frame.width_px,
                      frame.height_px,
-                     corners,
+                     observer.corners(),
                      {shape.node_mm.begin(), shape.node_mm.end()},
                      touch};
     if (number == options.frame) break;

@@ -37,15 +37,14 @@ Frames estimate_poses(const Options& options, const Model& model) {
   const MountModel mount =
       options.mount.empty() ? model.mount
                             : corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(options.mount)));
-  MarkerStage markers(mount, info.lens);
-  PoseStage estimator(mount, model.prior, info.lens);
+  Observer observer(mount, model.prior, info.lens);
   const auto camera = open_session_camera({.path = options.session, .recording = "", .recorded_speed = false}, info);
   Frames frames;
   frames.per_second = info.frames_per_second;
   Frame frame;
   for (std::size_t number = 0; camera->next(frame, 0); ++number) {
     if (interrupted()) throw Interrupted();
-    const PlatePoses& poses = estimator.estimate(markers.find(frame));
+    const PlatePoses poses = observer.observe(frame, {}).poses;
     if (number % static_cast<std::size_t>(options.every) != 0 || poses.quality != Quality::kFresh) continue;
     frames.number.push_back(number);
     frames.poses.push_back(poses);
