@@ -35,6 +35,9 @@ class Run(unittest.TestCase):
         answer = subprocess.run([script, "--quick", "sovler"], stderr=subprocess.PIPE, text=True)
         self.assertEqual(answer.returncode, 2)
         self.assertIn("unknown argument 'sovler'", answer.stderr)
+        report = subprocess.run([SOURCE / "scripts" / "report", "--quik"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.assertEqual((report.returncode, report.stdout), (2, ""), "something was installed or built first")
+        self.assertIn("unknown argument '--quik'", report.stderr)
 
     def run_main(self, *words, done):
         """Which areas main() measures when those in `done` have their figures."""
