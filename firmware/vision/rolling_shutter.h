@@ -7,7 +7,8 @@ namespace finsight {
 
 /// Moves corners to where they would be if all rows had been exposed at the frame's time, which is that of the middle
 /// row: along each marker's motion in the image since the frame before. A marker that has not been seen for a tenth of
-/// a second stays where it is, as do all markers where all rows are exposed at once. Never allocates.
+/// a second stays where it is, as do all markers where all rows are exposed at once, or where two frames are nearer in
+/// time than half a read-out. Never allocates.
 class RollingShutter {
  public:
   /// From the first row's exposure to the last's; 0: all at once.
