@@ -89,10 +89,10 @@ CLAIMS = [
 ]
 
 
-def _tiers(results, is_contained):
-    """Per tier, over the cases that the pack's scene contains or over the others: mean time, and of the worst case, 95 % of the
+def _tiers(results):
+    """Per tier, over the cases that the pack's scene contains: mean time, and of the worst case, 95 % of the
     errors of the deformation (a share) and of the largest displacement (mm)."""
-    wanted = {case["case"] for case in at(results, "scene.cases") or [] if bool(case.get("contained")) == is_contained}
+    wanted = {case["case"] for case in at(results, "scene.cases") or [] if case.get("contained")}
     rows = defaultdict(list)
     for row in at(results, "scene.shapes") or []:
         if row["case"] in wanted:
@@ -112,7 +112,7 @@ def _beyond_the_scene(results, best):
 
 
 def advice(results):
-    tiers = _tiers(results, True)
+    tiers = _tiers(results)
     if not tiers:
         return []
     best = min(tiers, key=lambda name: tiers[name][1])

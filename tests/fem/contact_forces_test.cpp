@@ -176,8 +176,7 @@ TEST_CASE("contact forces: a strong push that one leap does not reach is followe
     CHECK(found.explained);
     REQUIRE(found.contacts.size() == 1);
     CHECK(static_cast<double>((found.contacts[0].point_mm - push.point_mm).head<2>().norm()) < 1);
-    // How near the last part leads depends on rounding, too; the doubt says how far that may be.
-    CHECK(found.contacts[0].force_n == doctest::Approx(push.force_n).epsilon(0.05));
+    CHECK(found.contacts[0].force_n == doctest::Approx(push.force_n).epsilon(0.02));
     CHECK(found.contacts[0].uncertainty.lowest_force_n <= push.force_n);
     CHECK(found.contacts[0].uncertainty.highest_force_n >= push.force_n);
   }
