@@ -5,103 +5,11 @@
 #include <bit>
 #include <limits>
 
-#include "firmware/model/plate_prior.h"
 #include "tests/count_allocations.h"
-#include "tests/model/tiny_model.h"
-#include "tests/vision/test_finger.h"
+#include "tests/loop/feeder.h"
 
 using namespace finsight;
-
-namespace {
-
-constexpr std::int64_t kMs = 1'000'000, kStart = 5000 * kMs, kPeriod = 16'666'667;
-constexpr std::uint16_t kNoInt16 = 0x8000, kNoUint16 = 0xFFFF;
-constexpr std::uint16_t kAllSeen = kTopSeen | kMiddleSeen | kLowSeen;
-
-/// The tiny model with markers that a camera sees, and a prior to match.
-const Model& model() {
-  static const Model the_model = [] {
-    test::TinyModel tiny;
-    const test::TestPrior prior;
-    tiny.parts.mount = test::test_mount();
-    tiny.prior_mean.assign(prior.view().mean.begin(), prior.view().mean.end());
-    tiny.prior_covariance.assign(prior.view().covariance.begin(), prior.view().covariance.end());
-    return tiny.open();
-  }();
-  return the_model;
-}
-
-/// A touched finger: its plates bent away by up to 6 mm.
-PlatePoses touched(float size = 1) {
-  std::array<float, kPoseDims> numbers{};
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    const float y = 0.75f - 0.23f * static_cast<float>(p);
-    numbers[6 * p + 1] = -0.6f * size * y;
-    numbers[6 * p + 2] = 9 * size * y * y;
-    numbers[6 * p + 3] = 0.16f * size * y;
-  }
-  return seen_poses(numbers);
-}
-
-LoopSettings holding(int ms) {
-  LoopSettings settings;
-  settings.runtime[kHoldTime] = static_cast<std::uint16_t>(ms);
-  return settings;
-}
-
-/// Feeds a loop one frame every 60th of a second.
-struct Feeder {
-  explicit Feeder(const std::optional<Lens>& camera = std::nullopt, const LoopSettings& settings = {})
-      : loop(model(), camera, settings) {}
-
-  const RegisterImage& step(Frame frame) {
-    frame.sequence = sequence++;
-    frame.exposure_ns = now_ns += kPeriod;
-    return loop.step(frame);
-  }
-  const RegisterImage& step(const PlatePoses& poses) {
-    return loop.step(Observation{.exposure_ns = now_ns += kPeriod, .sequence = sequence++, .poses = poses});
-  }
-  const RegisterImage& step_nothing_seen() { return step(PlatePoses{}); }
-
-  FrameLoop loop;
-  std::uint32_t sequence = 0;
-  std::int64_t now_ns = kStart;
-};
-
-bool touch_registers_are_invalid(const RegisterImage& image) {
-  return image.words[5] == kNoInt16 && image.words[6] == kNoInt16 && image.words[7] == kNoInt16 &&
-         image.words[8] == kNoUint16 && image.words[9] == kNoUint16 && image.words[11] == kNoUint16 &&
-         image.words[16] == kNoInt16;
-}
-
-std::vector<std::uint8_t> painted(const Lens& camera, const PlatePoses& poses, std::uint64_t seed) {
-  test::Paint paint;
-  paint.samples = 37;
-  return test::paint_plates(model().mount, camera, poses.plates, paint, seed);
-}
-
-PlatePoses moved_as_one(const Vec3f& by_mm) {
-  PlatePoses poses = touched();
-  for (PlateMotion& plate : poses.plates) plate = {by_mm, Vec3f::Zero()};
-  return poses;
-}
-
-/// One scene again and again, with as much noise of its own in each image as none is frozen.
-class Images {
- public:
-  Images(const Lens& camera, const PlatePoses& poses) : camera_(camera) {
-    for (std::uint64_t seed = 1; seed <= 6; ++seed) grey_.push_back(painted(camera, poses, seed));
-  }
-  Frame next() const { return test::frame_of(camera_, grey_[next_++ % grey_.size()]); }
-
- private:
-  Lens camera_;
-  std::vector<std::vector<std::uint8_t>> grey_;
-  mutable std::size_t next_ = 0;
-};
-
-}  // namespace
+using namespace finsight::test;
 
 TEST_CASE("loop: where the settings want it, the last values stay held after the hold time, with the fault") {
   LoopSettings settings = holding(101);
@@ -136,17 +44,6 @@ TEST_CASE("loop: recorded plates go through all stages into the registers") {
   CHECK(image.words[16] == std::lround(100 * poses.plates[kTopPlate].displacement_mm.z()));
   CHECK(feeder.step(poses).words[35] == 2);  // one factorisation, one chord step, once the start from the map is behind
   CHECK((std::uint32_t{image.words[36]} << 16 | image.words[37]) == model().checksum);
-}
-
-TEST_CASE("loop: where the mount was measured, the rest is known without a zero") {
-  const auto radius = [](bool rest_is_known, const std::optional<MountModel>& mount) {
-    LoopSettings settings;
-    settings.rest_is_known = rest_is_known;
-    settings.mount = mount;
-    return Feeder(std::nullopt, settings).step(touched()).words[8];
-  };
-  CHECK(radius(false, std::nullopt) > radius(true, std::nullopt));
-  CHECK(radius(false, model().mount) == radius(true, std::nullopt));
 }
 
 TEST_CASE("loop: its settings reach the solver and the registers") {
@@ -252,97 +149,6 @@ TEST_CASE("loop: a camera that never delivers gives invalid values and no age") 
   }
 }
 
-TEST_CASE("loop: plates that stand displaced as one body mean a camera that was knocked, until the next zero") {
-  const Lens camera = test::camera_640x480();
-  Feeder feeder(camera);
-  const Images images(camera, moved_as_one(Vec3f(1.2F, 0, 0)));
-  for (int frame = 1; frame < MountCheck::kFrames; ++frame) REQUIRE(feeder.step(images.next()).words[1] == 0);
-  CHECK(feeder.step(images.next()).words[1] == static_cast<int>(FaultCode::kCameraMoved));
-  feeder.loop.zeroing().begin();
-  for (int frame = 0; frame < Zeroing::kFrames; ++frame) feeder.step(images.next());
-  CHECK(feeder.step(images.next()).words[1] == 0);
-}
-
-TEST_CASE("loop: what plates tell of touches counts for nothing while the camera is not where it was") {
-  const Lens camera = test::camera_640x480();
-  Feeder feeder(camera);
-  const Images images(camera, moved_as_one(Vec3f(0, 0, 4)));
-  for (int frame = 1; frame < MountCheck::kFrames; ++frame) {
-    REQUIRE((feeder.step(images.next()).words[0] & (kTouchValid | kAnyFault)) == 0);
-  }
-  const RegisterImage& image = feeder.step(images.next());
-  CHECK(image.words[1] == static_cast<int>(FaultCode::kCameraMoved));
-  CHECK((image.words[0] & kTouchValid) == 0);
-  CHECK(image.words[5] == kNoInt16);
-  CHECK(image.words[9] == kNoUint16);
-  CHECK((feeder.loop.step_without_frame(feeder.now_ns + kMs).words[0] & kTouchValid) == 0);
-}
-
-TEST_CASE("loop: an older touch does not come back when markers vanish after plates that moved as one body") {
-  const Lens camera = test::camera_640x480();
-  LoopSettings settings;
-  settings.runtime[kAfterHold] = 1;
-  Feeder feeder(camera, settings);
-  const Images touching(camera, touched()), knocked(camera, moved_as_one(Vec3f(0, 0, 4)));
-  REQUIRE((feeder.step(touching.next()).words[0] & kTouchValid) != 0);
-  for (int frame = 0; frame < 5; ++frame) REQUIRE((feeder.step(knocked.next()).words[0] & kTouchValid) == 0);
-  const std::vector<std::uint8_t> empty(static_cast<std::size_t>(camera.width_px) * camera.height_px, 128);
-  for (int frame = 0; frame < 60; ++frame) {
-    std::vector<std::uint8_t> grey = empty;
-    grey[static_cast<std::size_t>(frame)] ^= 1;  // a sensor's noise
-    const RegisterImage& image = feeder.step(test::frame_of(camera, grey));
-    CHECK((image.words[0] & (kTouchValid | kContact)) == 0);
-    CHECK(image.words[5] == kNoInt16);
-  }
-}
-
-TEST_CASE("loop: a new zero ends what was measured from the old one: the shaken finger's wide radius") {
-  Feeder feeder;
-  ZeroPose zero{};
-  for (PlateMotion& plate : zero) plate.displacement_mm = Vec3f(0, 0, 1);
-  PlatePoses poses = touched();
-  for (int frame = 0; frame < 4; ++frame) feeder.step(poses);
-  const std::uint16_t calm = feeder.step(poses).words[8];
-  // The zero moves every plate's place by 1 mm from one frame to the next, which is no shake.
-  PlatePoses shifted = poses;
-  for (PlateMotion& plate : shifted.plates) plate.displacement_mm.z() += 1;
-  feeder.loop.zeroing().set_zero(zero);
-  for (int frame = 0; frame < 3; ++frame) CHECK(feeder.step(shifted).words[8] == calm);
-  // And a shake before the new zero is over with it.
-  PlatePoses swung = shifted;
-  swung.plates[kTopPlate].displacement_mm.z() += 3;
-  feeder.step(swung);
-  REQUIRE(feeder.step(shifted).words[8] > calm);
-  zero[kTopPlate].displacement_mm.z() = 1.001F;
-  feeder.loop.zeroing().set_zero(zero);
-  CHECK(feeder.step(shifted).words[8] == doctest::Approx(calm).epsilon(0.02));
-}
-
-TEST_CASE("loop: a new zero does not glide in through the low-pass, nor does taking it away") {
-  Feeder feeder(std::nullopt, {.shape = {.tier = ShapeSettings::Tier::kMap}, .runtime = {}, .smoothing_ms = 200});
-  for (int frame = 0; frame < 10; ++frame) feeder.step(touched());
-  const auto top_z = [&] { return static_cast<std::int16_t>(feeder.step(touched()).words[16]); };
-  const int before = top_z();
-  ZeroPose zero{};
-  zero[kTopPlate].displacement_mm = Vec3f(0, 0, 1);
-  feeder.loop.zeroing().set_zero(zero);
-  Feeder unsmoothed;
-  unsmoothed.loop.zeroing().set_zero(zero);
-  const auto with_zero = static_cast<std::int16_t>(unsmoothed.step(touched()).words[16]);
-  CHECK(with_zero == doctest::Approx(before - 100).epsilon(0.01));  // it also tells of a camera turned a little
-  CHECK(top_z() == with_zero);
-  feeder.loop.zeroing().set_zero(std::nullopt);  // factory settings
-  CHECK(top_z() == before);
-}
-
-TEST_CASE("loop: what is held from the old zero is not shown with the new one") {
-  Feeder feeder(std::nullopt, holding(1000));
-  feeder.step(touched());
-  REQUIRE((feeder.step_nothing_seen().words[0] & kTouchValid) != 0);
-  feeder.loop.zeroing().set_zero(ZeroPose{});
-  CHECK(touch_registers_are_invalid(feeder.step_nothing_seen()));
-}
-
 TEST_CASE("loop: poses that no finger can have keep the last shape, with the solver's fault") {
   Feeder feeder;
   const RegisterImage seen = feeder.step(touched());
@@ -420,25 +226,6 @@ TEST_CASE("loop: a frozen camera is a fault, and its image is never shown as fre
   CHECK((over.words[0] & (kTouchValid | kHeld)) == 0);
   CHECK(over.words[1] == 9);
   CHECK(feeder.step(test::frame_of(camera, other)).words[1] == 0);
-}
-
-TEST_CASE("loop: a finger that is touched gets no zero, wherever the zero before is") {
-  Feeder feeder;
-  const PlatePoses rest = touched(-0.25F), pressed = touched(0.25F);  // 1.3 mm from the model's rest either way
-  const auto zero = [&](const PlatePoses& poses) {
-    feeder.loop.zeroing().begin();
-    std::optional<bool> done;
-    for (int frame = 0; frame < 100 && !done; ++frame) {
-      feeder.step(poses);
-      done = feeder.loop.zeroing().take_outcome();
-    }
-    return done;
-  };
-  CHECK(zero(rest) == true);
-  REQUIRE((feeder.step(pressed).words[0] & kTouchValid) != 0);
-  CHECK(zero(pressed) == false);
-  CHECK((feeder.step(pressed).words[0] & kTouchValid) != 0);
-  CHECK(zero(rest) == true);
 }
 
 TEST_CASE("loop: without light the fault says so once nothing is held any more") {
