@@ -19,7 +19,6 @@
 #include "hostgen/finger/mesh.h"
 #include "hostgen/finger/mount.h"
 #include "hostgen/util/common.h"
-#include "hostgen/util/statistics.h"
 
 namespace finsight::host {
 
@@ -64,59 +63,71 @@ double factor_bytes(const CholeskyPlanData& plan) {
   return entries * sizeof(float);
 }
 
-/// Runs the methods in turn, round by round, so that other load on the machine affects all of them. Processor time
-/// counts, and the shortest iteration of each, because other load only adds to it; median and quartiles of all tell how
-/// much it did.
-json time_iterations(const Mesh& mesh, const std::vector<std::pair<std::string, Iteration>>& ways, int rounds) {
-  constexpr double kTurn_us = 30'000;
-  std::vector<IterationTime> best(ways.size());
-  std::vector<std::vector<double>> sums_us(ways.size());
-  for (int round = 0; round < rounds; ++round) {
-    for (std::size_t way = 0; way < ways.size(); ++way) {
-      if (interrupted()) throw Interrupted();
-      for (double spent_us = 0; spent_us < kTurn_us;) {
-        const IterationTime time = ways[way].second();
-        spent_us += time.sum_us();
-        sums_us[way].push_back(time.sum_us());
-        if (best[way].sum_us() == 0 || time.sum_us() < best[way].sum_us()) best[way] = time;
-      }
-    }
-  }
-  const double operations = Cholesky<float>(mesh.model.cholesky.view()).factor_operations();
-  json rows = json::array();
-  for (std::size_t way = 0; way < ways.size(); ++way) {
-    rows.push_back(
-        {{"way", ways[way].first},
-         {"mesh_tets", mesh.model.view().tets},
-         {"nodes", mesh.model.view().nodes},
-         {"factor_operations", operations},
-         {"derivative_operations", mesh.model.view().tets * derivative_operations().least_operations()},
-         {"factor_mb", factor_bytes(mesh.model.cholesky) / 1e6},
-         {"derivatives_us", best[way].derivatives_us},
-         {"factor_us", best[way].factor_us},
-         {"solve_us", best[way].solve_us},
-         {"step_us", best[way].step_us},
-         {"sum_us", best[way].sum_us()},
-         {"quartiles_us", {quantile(sums_us[way], 0.25), quantile(sums_us[way], 0.5), quantile(sums_us[way], 0.75)}}});
-  }
-  return rows;
-}
-
 /// A bend that strains every part of the finger.
 PlatePoses bench_pose(const MountModel& mount) { return report_motions(mount)[1].frames[40]; }
 
-json measure_iterations(const Mesh& mesh, const MountModel& mount, bool quick) {
+/// One method on one mesh.
+struct Contender {
+  std::string way;
+  const Mesh& mesh;
+  Iteration iteration;
+  int per_turn;  ///< iterations, so that the first one of a turn, which finds cold caches, is not the only one
+  std::vector<IterationTime> times;
+};
+
+void add_contenders(const Mesh& mesh, const MountModel& mount, std::vector<Contender>& contenders) {
   const ShapeModel model = mesh.model.view();
   NewtonSolver<double> solver(model, mount);
   if (!solver.converge(bench_pose(mount), 1e-6, 200).ok) throw std::runtime_error("bench: the pose does not converge");
   const std::span<const double> x = solver.node_mm();
-  std::vector<std::pair<std::string, Iteration>> ways = {{"float", our_iteration<float>(model, x)},
-                                                         {"double", our_iteration<double>(model, x)},
-                                                         {"eigen", eigen_iteration(model, x)},
-                                                         {"cholmod", cholmod_iteration(model, x)},
-                                                         {"published", published_iteration(mesh.soft.view(), x)}};
-  const bool is_large = model.tets > 10000;
-  return time_iterations(mesh, ways, is_large ? (quick ? 3 : 7) : (quick ? 6 : 20));
+  contenders.push_back({"float", mesh, our_iteration<float>(model, x), 20, {}});
+  contenders.push_back({"double", mesh, our_iteration<double>(model, x), 20, {}});
+  contenders.push_back({"eigen", mesh, eigen_iteration(model, x), 2, {}});
+  contenders.push_back({"cholmod", mesh, cholmod_iteration(model, x), 2, {}});
+  contenders.push_back({"published", mesh, published_iteration(mesh.soft.view(), x), 1, {}});
+}
+
+json row_of(Contender& contender) {
+  std::ranges::sort(contender.times, {}, &IterationTime::sum_us);
+  const auto at = [&](double share) {
+    return contender.times[static_cast<std::size_t>(share * (contender.times.size() - 1))];
+  };
+  const IterationTime median = at(0.5);
+  const ShapeModelData& data = contender.mesh.model;
+  const ShapeModel model = data.view();
+  return {{"way", contender.way},
+          {"mesh_tets", model.tets},
+          {"nodes", model.nodes},
+          {"factor_operations", Cholesky<float>(data.cholesky.view()).factor_operations()},
+          {"derivative_operations", model.tets * derivative_operations().least_operations()},
+          {"factor_mb", factor_bytes(data.cholesky) / 1e6},
+          {"derivatives_us", median.derivatives_us},
+          {"factor_us", median.factor_us},
+          {"solve_us", median.solve_us},
+          {"step_us", median.step_us},
+          {"sum_us", median.sum_us()},
+          {"quartiles_us", {at(0.25).sum_us(), median.sum_us(), at(0.75).sum_us()}}};
+}
+
+/// Runs all methods on all meshes in turn, round by round, so that other load on the machine and changes of its clock
+/// affect all of them. Processor time counts. The iteration of median length stands for its method: a processor speeds
+/// up now and then, and the shortest of all iterations would be that of a method that was in luck.
+json measure_iterations(std::span<const Mesh> meshes, const MountModel& mount, int rounds) {
+  std::vector<Contender> contenders;
+  for (const Mesh& mesh : meshes) add_contenders(mesh, mount, contenders);
+  Progress progress("bench: iterations", static_cast<std::size_t>(rounds));
+  for (int round = 0; round < rounds; ++round) {
+    for (Contender& contender : contenders) {
+      if (interrupted()) throw Interrupted();
+      for (int i = 0; i < contender.per_turn; ++i) {
+        contender.times.push_back(contender.iteration());
+      }
+    }
+    progress.advance();
+  }
+  json rows = json::array();
+  for (Contender& contender : contenders) rows.push_back(row_of(contender));
+  return rows;
 }
 
 /// Time, or something else of ours, over tets on logarithmic axes: the slope of the least-squares line.
@@ -265,14 +276,11 @@ void run(const Options& options) {
   for (const MeshSize size : {MeshSize::kCoarse, MeshSize::kDefault, MeshSize::kMedium, MeshSize::kFine}) {
     meshes.push_back(make_bench_mesh(spec, size));
   }
-  json iterations = json::array(), speed_error = json::array();
+  json iterations = measure_iterations(meshes, mount, options.quick ? 5 : 20), speed_error = json::array();
   {
-    Progress progress("bench: iterations and schedules", 2 * meshes.size());
+    Progress progress("bench: schedules", meshes.size());
     for (const Mesh& mesh : meshes) {
-      const json rows = measure_iterations(mesh, mount, options.quick);
-      iterations.insert(iterations.end(), rows.begin(), rows.end());
-      progress.advance();
-      const json schedules = measure_schedules(mesh, mount, rows, options.quick);
+      const json schedules = measure_schedules(mesh, mount, iterations, options.quick);
       speed_error.insert(speed_error.end(), schedules.begin(), schedules.end());
       progress.advance();
     }
@@ -280,7 +288,8 @@ void run(const Options& options) {
   const double exponent = growth_exponent(iterations),
                operations_exponent = growth_exponent(iterations, "factor_operations");
   if (!options.quick) {  // how it goes on, without schedules: a frame of it would take a tenth of a second
-    const json rows = measure_iterations(make_bench_mesh(spec, MeshSize::kFinest), mount, options.quick);
+    const Mesh finest = make_bench_mesh(spec, MeshSize::kFinest);
+    const json rows = measure_iterations({&finest, 1}, mount, 7);
     iterations.insert(iterations.end(), rows.begin(), rows.end());
   }
   const Mesh& standard = meshes[1];

@@ -113,8 +113,8 @@ SECTIONS = {
                     "The registers' deformation and largest displacement, by case.", "")]},
     "solver": {
         "title": "Growth with the mesh", "area": "solver", "code": ["firmware/shape/cholesky.h", "hostgen/bench/main.cpp"],
-        "text": "One Newton iteration by several methods on one core, interleaved; the shortest of each counts, because other "
-                "load only adds time, and the quartiles tell how much it did. Then where its time goes.",
+        "text": "One Newton iteration by several methods on one core, all methods on all meshes in turn; the median of each "
+                "counts, and the quartiles tell how far it may be off. Then where its time goes.",
         "notes": ["The factor's multiply-adds grow faster than its entries do: each entry of a larger separator is worked on more "
                   "often. Derivatives grow with the tetrahedra, so the exponent of the whole lies between 1 and that of the "
                   "multiply-adds.",
