@@ -208,9 +208,9 @@ int measure(const Arguments& arguments, std::vector<Settings> settings, std::opt
   SharedDevice device{server, supervisor, stop_requested, working};
   supervisor.ready();
   if (!run_all(fingers, device)) throw std::runtime_error("gpio: the outputs can no longer be set");
-  std::string early_end;
+  int code = kDone;
   for (const auto& finger : fingers) {
-    if (const std::string why = finger->close(); !why.empty()) early_end = why;
+    if (!finger->close()) code = kInputRefused;
   }
   const auto ordered = std::ranges::find_if(fingers, [](const auto& finger) { return finger->reset_is_ordered(); });
   if (!stop_requested && ordered != fingers.end()) {
@@ -218,9 +218,7 @@ int measure(const Arguments& arguments, std::vector<Settings> settings, std::opt
     reset = {static_cast<std::size_t>(ordered - fingers.begin()), (*ordered)->control().last_finished()};
     return kStartAgain;
   }
-  if (early_end.empty()) return kDone;
-  log_message(early_end);
-  return kInputRefused;
+  return code;
 }
 
 /// The fault that safe mode serves after the firmware ended with this exit code.

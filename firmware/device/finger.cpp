@@ -149,8 +149,8 @@ void Finger::serve_fault(SharedDevice& device) {
   }
 }
 
-std::string Finger::close() {
-  if (!sensor_) return "";
+bool Finger::close() {
+  if (!sensor_) return true;
   if (const auto left_out = log_.write()) {
     log_message(registers_ + ": " + std::to_string(left_out) + " later blocks had no room");
   }
@@ -161,7 +161,7 @@ std::string Finger::close() {
   std::fprintf(stderr, "%sframes %u, dropped %u, late %u, broken %u; camera lost %u times\n",
                sensor_->loop.times().table().c_str(), state.frames, state.dropped_frames, counts.late, counts.broken,
                counts.losses);
-  return status.ended() ? status.error() : "";
+  return !status.ended() || status.error().empty();
 }
 
 }  // namespace finsight

@@ -48,9 +48,9 @@ class Finger {
   /// In the thread that is to be its own. False: the outputs can no longer be set. Throws std::runtime_error if the
   /// system refuses the thread's real-time settings.
   bool run(SharedDevice& device);
-  /// After run(): writes the registers' log and what the loop has to say. Returns why the recording ended too early;
-  /// empty: it did not.
-  std::string close();
+  /// After run(): writes the registers' log and what the loop has to say. False: the recording ended too early, which
+  /// run() has logged.
+  bool close();
 
  private:
   void serve_fault(SharedDevice& device);
