@@ -45,7 +45,7 @@ std::optional<SessionInfo> source_images(const Settings& settings, const Model& 
                      .marker_size_mm = marker_size_mm,
                      .description = {},
                      .gravity_g = settings.fixed_g,
-                     .coding = settings.camera.coding.value_or(Coding::kLinear),
+                     .coding = settings.camera.coding_or_linear(),
                      .readout_ms = settings.camera.readout_ms.value_or(0)};
 }
 

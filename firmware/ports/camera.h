@@ -79,10 +79,12 @@ struct LiveCameraSettings {
   double frames_per_second = 0;                   ///< applied if the camera supports it
   std::optional<int> exposure_us = std::nullopt;  ///< either of these two ends the camera's automatic exposure
   std::optional<double> gain = std::nullopt;
-  std::optional<Coding> coding = std::nullopt;  ///< not told: taken for linear
+  std::optional<Coding> coding = std::nullopt;  ///< not told: see coding_or_linear()
   /// Of a rolling shutter, from the first row to the last; 0: a global one. Not told: taken for a global one.
   std::optional<double> readout_ms = std::nullopt;
   int stall_ms = 500;  ///< a camera without a frame for this time is lost
+
+  Coding coding_or_linear() const { return coding.value_or(Coding::kLinear); }
 };
 
 /// A camera that outlives failures of the hardware: while it is missing, refuses its settings, is unplugged or stalls,

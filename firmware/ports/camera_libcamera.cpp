@@ -254,7 +254,7 @@ class LibcameraCamera : public Camera {
                   .width_px = settings_.width_px,
                   .height_px = settings_.height_px,
                   .stride_bytes = stride_bytes_,
-                  .coding = settings_.coding.value_or(Coding::kLinear)};
+                  .coding = settings_.coding_or_linear()};
     if (!layout_.is_grey_plane()) {
       frame.grey = grey_.data();
       frame.stride_bytes = frame.width_px;

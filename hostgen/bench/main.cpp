@@ -119,9 +119,7 @@ json measure_iterations(std::span<const Mesh> meshes, const MountModel& mount, i
   for (int round = 0; round < rounds; ++round) {
     for (Contender& contender : contenders) {
       if (interrupted()) throw Interrupted();
-      for (int i = 0; i < contender.per_turn; ++i) {
-        contender.times.push_back(contender.iteration());
-      }
+      for (int i = 0; i < contender.per_turn; ++i) contender.times.push_back(contender.iteration());
     }
     progress.advance();
   }

@@ -41,7 +41,7 @@ th{font-weight:600;background:var(--card)}th:first-child,td:first-child,.words t
 summary{cursor:pointer;color:var(--link)}figure{margin:1rem 0;background:#fff;border:1px solid var(--line);border-radius:6px;padding:.5rem}
 figure svg,figure img{max-width:100%;height:auto;display:block;margin:auto}figcaption{color:#5f6b7a;font-size:.9rem}
 @media screen and (max-width:40rem){.words th:first-child,.words td:first-child{min-width:9rem}
-th:first-child,td:first-child{position:sticky;left:0;max-width:10rem;background:var(--ground)}
+th:first-child,td:first-child{position:sticky;left:0;max-width:10rem}td:first-child{background:var(--ground)}
 figure{overflow-x:auto}figure svg{max-width:none;width:48rem}}
 @media print{nav{display:none}body{max-width:none;font-size:11px;color:#000;background:#fff}h2{break-after:avoid}
 tr,figure{break-inside:avoid}.wide{overflow:visible}table,.how{font-size:8.5px}th,td{padding:.1rem .3rem}

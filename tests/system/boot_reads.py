@@ -18,9 +18,10 @@ from virtual_frames import YAML, write_frames, write_session
 MEASURED = [*range(5, 20), 40, 41, 42]  # touch, force, deformation, top plate, contact
 # Radius and deviation tell of more than one image: a finger that jumps from one to the next counts as shaken, and a camera
 # does not know, as a session does, that its finger was at rest and hung as at its zero.
-OF_ONE_IMAGE = [r for r in MEASURED if r not in (8, 10)]
+RADIUS, FORCE_DEVIATION = 8, 10
+OF_ONE_IMAGE = [r for r in MEASURED if r not in (RADIUS, FORCE_DEVIATION)]
 SHAPE = range(11, 20)
-RADIUS, CLEAR_RADIUS = 8, 230  # 0.01 mm
+CLEAR_TOUCH = 230  # its radius at most, in 0.01 mm
 ENOUGH_FRAMES = 80  # that are compared in a step
 # The first frames after the recording begins again come from another shape than in the single replay.
 NEW_SHAPE_FRAMES = 5
@@ -256,7 +257,8 @@ def virtual_camera_stick(images):
 def a_virtual_camera_is_read(bench):
     """libcamera's own virtual camera, in the board's libcamera, shows frames of the session."""
     # Of a faint touch the place answers by tenths of a millimetre to what lost images leave behind in the plates.
-    touched = [k for k, words in enumerate(workstation_replay(bench)) if words[0] & TOUCH_VALID and words[RADIUS] <= CLEAR_RADIUS]
+    touched = [k for k, words in enumerate(workstation_replay(bench))
+               if words[0] & TOUCH_VALID and words[RADIUS] <= CLEAR_TOUCH]
     images = read_images(SESSION)[2]
     # More images than ImageCheck remembers: a camera that shows the same few again and again is frozen.
     stick, shown = virtual_camera_stick([images[k] for k in touched[::len(touched) // 6][:6]])
