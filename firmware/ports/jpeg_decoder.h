@@ -17,9 +17,11 @@ class JpegDecoder {
  public:
   JpegDecoder();
 
-  /// `grey`: width * height bytes, which a broken picture may have changed. A picture that is cut off, has a byte too
-  /// many in its data or a marker where none belongs is broken. Bytes behind the data are not: many cameras fill up
-  /// their buffers, some before the end marker.
+  /// `grey`: width * height bytes. kDecoded: every row was decoded and written. kBroken: some rows may be written and
+  /// others not, do not use any. A picture that is cut off, has bytes too many in its data or a marker where none
+  /// belongs is broken. Zeros or 0xFFs before the end marker, with which some cameras fill up their buffers, are not
+  /// too many, nor is anything behind it. Wrong data that happen to decode to the right number of pixels, within eight
+  /// bytes, cannot be told.
   JpegOutcome decode(std::span<const std::uint8_t> jpeg, int width_px, int height_px, std::uint8_t* grey);
 
  private:

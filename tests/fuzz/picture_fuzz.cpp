@@ -1,5 +1,5 @@
-// libFuzzer target: no bytes from an MJPEG camera make the decoder write beyond the picture, fail to return, or spoil
-// the next good picture.
+// libFuzzer target: no bytes from an MJPEG camera make the decoder write beyond the picture, fail to return, spoil the
+// next good picture, or accept a picture without having written all of it.
 //   cmake -S . -B build/fuzz -G Ninja -DFINSIGHT_FUZZ=ON -DCMAKE_CXX_COMPILER=clang++
 //   cmake --build build/fuzz --target fuzz_picture
 //   build/fuzz/tests/fuzz_picture -runs=1000000 NEW_INPUTS_FOLDER tests/fuzz/picture_corpus
@@ -33,8 +33,11 @@ std::vector<std::uint8_t> good_picture() {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
   static const std::vector<std::uint8_t> good = good_picture();
   static JpegDecoder decoder;
-  std::vector<std::uint8_t> grey(kWidth * kHeight);  // of exactly this size, for the address sanitizer
-  decoder.decode({bytes, size}, kWidth, kHeight, grey.data());
+  // Of exactly this size, for the address sanitizer. What a decoder does not write differs between the two.
+  std::vector<std::uint8_t> grey(kWidth * kHeight, 0), again(kWidth * kHeight, 255);
+  const JpegOutcome outcome = decoder.decode({bytes, size}, kWidth, kHeight, grey.data());
+  if (decoder.decode({bytes, size}, kWidth, kHeight, again.data()) != outcome) abort();
+  if (outcome == JpegOutcome::kDecoded && grey != again) abort();
   if (decoder.decode(good, kWidth, kHeight, grey.data()) != JpegOutcome::kDecoded) abort();
   if (grey.front() != 99 || grey.back() != 99) abort();
   return 0;
