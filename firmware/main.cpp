@@ -110,8 +110,8 @@ Arguments parse(int argc, char** argv) {
 /// Exit codes; kStartAgain is start()'s alone: it is to be called again.
 enum ExitCode : int { kStartAgain = -1, kDone = 0, kFailed = 1, kInputRefused = 2, kSelfTestFailed = 3 };
 
-/// A pack or recording that cannot be used costs one of several fingers its values, and the others nothing; then
-/// `fault` says which.
+/// A pack, recording, lens, mount or fit that cannot be used costs one of several fingers its values, and the others
+/// nothing; then `fault` says which.
 std::unique_ptr<Sensor> open_sensor(const Settings& settings, bool is_alone, FaultCode& fault) {
   try {
     return std::make_unique<Sensor>(settings, true);

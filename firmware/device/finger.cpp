@@ -17,6 +17,7 @@ namespace finsight {
 namespace {
 
 Model tested_model(const Settings& settings) {
+  if (settings.unusable) throw InputError(*settings.unusable);
   Model model = Model::open(settings.pack);
   check_self_test(model);
   log_message(settings.name,

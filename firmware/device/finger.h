@@ -20,8 +20,8 @@ namespace finsight {
 
 /// What a finger measures with: its model, which has passed its self-test, and its camera or recording.
 struct Sensor {
-  /// Throws InputError for a pack, recording, lens or mount that cannot be used, and SelfTestError. `takes_import`: of
-  /// what was imported on the page.
+  /// Throws InputError for a pack, recording, lens, mount or fit that cannot be used, and SelfTestError.
+  /// `takes_import`: of what was imported on the page.
   Sensor(const Settings& settings, bool takes_import);
 
   const Model model;

@@ -43,21 +43,35 @@ bool is_same(const GpioLine& a, const GpioLine& b) {
   return a.name.empty() == b.name.empty() && (a.name.empty() ? a.number == b.number : a.name == b.name);
 }
 
+std::string shown(const GpioLine& line) {
+  return "line " + (line.name.empty() ? std::to_string(line.number) : "\"" + line.name + "\"");
+}
+
+std::vector<GpioLine> lines_of(const GpioSettings& gpio) {
+  std::vector<GpioLine> lines;
+  for (const auto& line : gpio.lines) {
+    if (line) lines.push_back(*line);
+  }
+  if (gpio.trigger) lines.push_back(*gpio.trigger);
+  return lines;
+}
+
+void check_own_lines(const Settings& finger, const std::string& where) {
+  if (!finger.gpio) return;
+  std::vector<GpioLine> before;
+  for (const GpioLine& line : lines_of(*finger.gpio)) {
+    const bool is_taken = std::ranges::any_of(before, [&](const GpioLine& taken) { return is_same(line, taken); });
+    if (is_taken) throw InputError(where, "gpio", shown(line) + " a second time", "a line of its own for each key");
+    before.push_back(line);
+  }
+}
+
 void check_lines(const Settings& finger, const Settings& other, const std::string& where) {
   if (!finger.gpio || !other.gpio || finger.gpio->chip != other.gpio->chip) return;
-  const auto lines_of = [](const GpioSettings& gpio) {
-    std::vector<GpioLine> lines;
-    for (const auto& line : gpio.lines) {
-      if (line) lines.push_back(*line);
-    }
-    if (gpio.trigger) lines.push_back(*gpio.trigger);
-    return lines;
-  };
   for (const GpioLine& line : lines_of(*finger.gpio)) {
     for (const GpioLine& taken : lines_of(*other.gpio)) {
       if (!is_same(line, taken)) continue;
-      const std::string name = line.name.empty() ? std::to_string(line.number) : "\"" + line.name + "\"";
-      throw InputError(where, "finger.gpio", "line " + name + ", which finger \"" + other.name + "\" has",
+      throw InputError(where, "finger.gpio", shown(line) + ", which finger \"" + other.name + "\" has",
                        "lines of its own");
     }
   }
@@ -88,18 +102,21 @@ void number_pages(std::vector<Settings>& fingers, const std::string& where) {
 
 /// A finger has the same unit id on TCP and on the serial line: a program that changes from one to the other must not
 /// reach another finger.
-void check_units(std::vector<Settings>& fingers, const std::string& where, bool has_serial_unit) {
+void check_units(std::vector<Settings>& fingers, TomlTable modbus) {
+  const bool has_serial_unit = modbus.has("serial") && modbus.table("serial").has("unit");
   const int first = std::max(fingers.front().modbus.unit, 1), last = first + static_cast<int>(fingers.size()) - 1;
   const std::string units = std::to_string(first) + " to " + std::to_string(last);
   for (std::size_t i = 0; i < fingers.size(); ++i) fingers[i].unit = first + static_cast<int>(i);
-  if (last > 247) throw InputError(where, "modbus.unit", "units " + units + " for the fingers", "units up to 247");
+  if (last > 247) {
+    throw InputError(modbus.where("unit"), "modbus.unit", "units " + units + " for the fingers", "units up to 247");
+  }
   for (Settings& finger : fingers) {
     auto& serial = finger.modbus.serial;
     if (!serial) continue;
     if (!has_serial_unit) serial->unit = first;
     if (serial->unit == first) continue;
     throw InputError(
-        where, "modbus.serial.unit", std::to_string(serial->unit),
+        modbus.table("serial").where("unit"), "modbus.serial.unit", std::to_string(serial->unit),
         std::to_string(first) + ", as with TCP (modbus.unit): the fingers are units " + units + " on both");
   }
 }
@@ -110,6 +127,7 @@ std::vector<Settings> read_fingers(const SettingsFiles& files, Measured measured
   TomlTable root = files.merged();
   if (!root.has(kTable)) {
     Settings alone = read_finger(root, "", measured);
+    check_own_lines(alone, root.where("gpio"));
     if (alone.modbus.unit != 0) alone.unit = alone.modbus.unit;
     return {alone};
   }
@@ -117,6 +135,7 @@ std::vector<Settings> read_fingers(const SettingsFiles& files, Measured measured
   if (tables.size() > kMostFingers) {
     throw InputError(root.where(kTable), kTable, std::to_string(tables.size()) + " tables", "at most 4");
   }
+  const TomlTable modbus = root.table("modbus");  // if it is missing, that is no finger's fault
   std::vector<Settings> fingers;
   for (TomlTable& table : tables) {
     const std::string name = read_name(table, fingers), where = table.where();
@@ -128,6 +147,7 @@ std::vector<Settings> read_fingers(const SettingsFiles& files, Measured measured
     TomlTable merged = TomlTable::merged(table, root);
     merged.has_been_read({"name", kTable});
     Settings finger = read_finger(std::move(merged), name, measured);
+    check_own_lines(finger, table.where("gpio"));
     for (const Settings& other : fingers) {
       check_camera(finger, other, where);
       check_lines(finger, other, where);
@@ -135,10 +155,8 @@ std::vector<Settings> read_fingers(const SettingsFiles& files, Measured measured
     }
     fingers.push_back(std::move(finger));
   }
-  TomlTable modbus = root.table("modbus");
-  const bool has_serial_unit = modbus.has("serial") && modbus.table("serial").has("unit");
-  check_units(fingers, modbus.where(), has_serial_unit);
-  number_pages(fingers, root.where("page"));
+  check_units(fingers, modbus);
+  if (root.has("page")) number_pages(fingers, root.table("page").where("port"));
   return fingers;
 }
 

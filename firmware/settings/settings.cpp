@@ -23,14 +23,24 @@ void read_replay(TomlTable& table, Settings& settings) {
   settings.replay.repeat = table.flag("repeat", false);
 }
 
-/// Of "file:line".
-std::string file_in(const std::string& where) { return where.substr(0, where.rfind(':')); }
+/// Gives the file to `read`. If it cannot be used, that is one finger's fault alone: its Sensor throws it.
+template <class Read>
+void read_own_file(const std::filesystem::path& file, Settings& settings, const Read& read) {
+  try {
+    read(TomlTable::parse_file(file));
+  } catch (const InputError& error) {
+    if (settings.name.empty()) throw;  // there is no other finger
+    settings.unusable = error;
+  }
+}
 
-TomlTable table_or_measured_file(TomlTable& parent, const char* key, Settings& settings) {
-  TomlTable table = parent.table_or_file(key);
-  const std::string file = file_in(table.where());
-  if (file != file_in(parent.where(key))) settings.measured_files.push_back(file);
-  return table;
+/// Gives the table, or the file that stands for it, to `read`.
+template <class Read>
+void read_table_or_file(TomlTable& parent, const char* key, Settings& settings, const Read& read) {
+  const auto file = parent.file_instead_of_table(key);
+  if (!file) return read(parent.table(key));
+  settings.measured_files.push_back(*file);
+  read_own_file(*file, settings, read);
 }
 
 void read_live(TomlTable& table, Settings& settings) {
@@ -44,7 +54,9 @@ void read_live(TomlTable& table, Settings& settings) {
   if (table.has("exposure_us")) live.exposure_us = static_cast<int>(table.integer("exposure_us", 1, 1'000'000));
   if (table.has("gain")) live.gain = table.number("gain", 0.01, 1000);
   live.stall_ms = static_cast<int>(table.integer("stall_ms", 50, 60'000, 500));
-  settings.lens = read_lens(table_or_measured_file(table, "lens", settings), live.width_px, live.height_px);
+  read_table_or_file(table, "lens", settings, [&](TomlTable lens) {
+    settings.lens = read_lens(std::move(lens), live.width_px, live.height_px);
+  });
 }
 
 void read_source(TomlTable table, Settings& settings) {
@@ -227,11 +239,11 @@ PageSettings read_page(TomlTable table) {
 /// What was measured on the page, where there is such a file.
 void use_measured(const std::filesystem::path& folder, Settings& settings) {
   if (const auto mount = folder / kMeasuredMount; std::filesystem::is_regular_file(mount)) {
-    settings.mount = read_measured_mount(TomlTable::parse_file(mount));
+    read_own_file(mount, settings, [&](TomlTable table) { settings.mount = read_measured_mount(std::move(table)); });
     settings.measured_files.push_back(mount);
   }
   if (const auto fit = folder / kMeasuredFit; std::filesystem::is_regular_file(fit)) {
-    settings.loop.fit = read_measured_fit(TomlTable::parse_file(fit));
+    read_own_file(fit, settings, [&](TomlTable table) { settings.loop.fit = read_measured_fit(std::move(table)); });
     settings.fit_where = fit.string();
     settings.fit_is_stored = true;
   }
@@ -241,7 +253,8 @@ void use_measured(const std::filesystem::path& folder, Settings& settings) {
   settings.measured_files.push_back(lens);
   const LiveCameraSettings& live = settings.camera;
   if (settings.source == Settings::Source::kCamera) {
-    settings.lens = read_lens(TomlTable::parse_file(lens), live.width_px, live.height_px);
+    read_own_file(lens, settings,
+                  [&](TomlTable table) { settings.lens = read_lens(std::move(table), live.width_px, live.height_px); });
   }
 }
 
@@ -314,9 +327,15 @@ void read_gravity(TomlTable table, Settings& settings) {
 }
 
 void read_fit(TomlTable& root, Settings& settings) {
-  TomlTable table = table_or_measured_file(root, "fit", settings);
-  settings.fit_where = table.where();
-  settings.loop.fit = read_measured_fit(std::move(table));
+  read_table_or_file(root, "fit", settings, [&](TomlTable table) {
+    settings.fit_where = table.where();
+    settings.loop.fit = read_measured_fit(std::move(table));
+  });
+}
+
+void read_mount(TomlTable& root, Settings& settings) {
+  read_table_or_file(root, "mount", settings,
+                     [&](TomlTable table) { settings.mount = read_measured_mount(std::move(table)); });
 }
 
 void read_storage(TomlTable table, Settings& settings) {
@@ -382,7 +401,7 @@ Settings read_finger(TomlTable root, const std::string& name, Measured measured)
   if (root.has("page")) settings.page = read_page(root.table("page"));
   if (root.has("device")) read_device(root.table("device"), settings);
   if (root.has("fit")) read_fit(root, settings);
-  if (root.has("mount")) settings.mount = read_measured_mount(table_or_measured_file(root, "mount", settings));
+  if (root.has("mount")) read_mount(root, settings);
   root.finish();
   if (!name.empty()) store_under_name(settings);
   const bool has_measured = settings.page && !settings.page->measured.empty();

@@ -48,8 +48,9 @@ inline constexpr const char* kImportedState = "state.toml";
 
 /// Of one finger, with what it shares with the board's others.
 struct Settings {
-  std::string name;  ///< of the finger; empty: it is the board's only one
-  int unit = 255;    ///< under which it is reached over Modbus TCP
+  std::string name;                    ///< of the finger; empty: it is the board's only one
+  int unit = 255;                      ///< under which it is reached over Modbus TCP
+  std::optional<InputError> unusable;  ///< of a file beside the board file that this one of several fingers needs
   std::filesystem::path pack;
   enum class Source { kSession, kPoses, kCamera } source = Source::kSession;
   ReplaySettings replay;      ///< of a session or poses
@@ -100,7 +101,8 @@ enum class Measured { kUsed, kIgnored };
 /// Of every finger, in the order of their unit ids: 1 to 4. Without [[finger]] the file is that of one finger. A
 /// [[finger]] table says what the file of one finger says of it, and what it leaves out is that of the file's top; what
 /// it stores goes under its name. Strict: throws InputError with file:line, key, found and expected, also for what two
-/// fingers cannot share. Relative paths start at the folder of the file that they stand in.
+/// fingers cannot share. A lens, mount or fit in a file of its own that cannot be used is `unusable` of its [[finger]].
+/// Relative paths start at the folder of the file that they stand in.
 std::vector<Settings> read_fingers(const SettingsFiles& files, Measured measured = Measured::kUsed);
 /// Of the first finger.
 Settings read_settings(const SettingsFiles& files);

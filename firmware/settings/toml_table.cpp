@@ -129,7 +129,8 @@ const void* TomlTable::lookup(const std::string& key) const {
 bool TomlTable::has(const std::string& key) const { return lookup(key) != nullptr; }
 
 std::string TomlTable::where(const std::string& key) const {
-  const Place& place = layers_.back();
+  const auto inner = std::ranges::find_if(layers_, [](const Place& p) { return p.node != &p.document->root; });
+  const Place& place = inner == layers_.end() ? layers_.back() : *inner;
   const void* node = key.empty() ? nullptr : lookup(key);
   const toml::source_region& source = node ? as_node(node).source() : as_table(place.node).source();
   const std::string& file = source.path ? *source.path : place.document->file;
@@ -235,14 +236,14 @@ TomlTable TomlTable::table(const std::string& key) {
     const toml::node* found = as_table(place.node).get(key);
     const toml::table* table = found ? found->as_table() : nullptr;
     if (table) inner.push_back({place.document, table});
-    if (table && table->contains("kind")) break;
+    if (table && (table->contains("kind") || table->contains("from"))) break;
   }
   return TomlTable(std::move(inner), name_ + key + ".");
 }
 
-TomlTable TomlTable::table_or_file(const std::string& key) {
+std::optional<std::filesystem::path> TomlTable::file_instead_of_table(const std::string& key) {
   const void* node = find(key, "a table, or the path of a TOML file", true);
-  return as_node(node).is_string() ? parse_file(path(key)) : table(key);
+  return as_node(node).is_string() ? std::optional(path(key)) : std::nullopt;
 }
 
 std::vector<TomlTable> TomlTable::tables(const std::string& key) {

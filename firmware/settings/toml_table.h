@@ -21,8 +21,9 @@ class TomlTable {
   static TomlTable parse_text(const std::string& text, const std::string& name);
 
   /// Both as one table: the values of `changes`, and those of `base` for keys that `changes` does not have. Tables of
-  /// the same name are merged likewise, except that one with a key "kind" replaces the other as a whole. Neither is
-  /// altered. Messages name the file that a value came from. Either may be an inner table or a merged one.
+  /// the same name are merged likewise, except that one with a key "kind" or "from", which say what sort of thing it
+  /// describes, replaces the other as a whole. Neither is altered. Messages name the file that a value came from.
+  /// Either may be an inner table or a merged one.
   static TomlTable merged(const TomlTable& changes, const TomlTable& base);
 
   bool has(const std::string& key) const;
@@ -42,15 +43,16 @@ class TomlTable {
   std::filesystem::path path(const std::string& key);
 
   TomlTable table(const std::string& key);
-  /// A table, or the path of a TOML file that holds one.
-  TomlTable table_or_file(const std::string& key);
+  /// Of a key that holds a table, or the path of a TOML file with that table: the path; nothing if it holds no text.
+  std::optional<std::filesystem::path> file_instead_of_table(const std::string& key);
   std::vector<TomlTable> tables(const std::string& key);  ///< [[key]], in file order; at least one
 
   /// Of keys that another reader has taken.
   void has_been_read(const std::vector<std::string>& keys) { asked_.insert(asked_.end(), keys.begin(), keys.end()); }
   /// Throws for every key that nobody asked for. Inner tables have a finish() of their own.
   void finish() const;
-  /// "file:line" of a key, or of the table itself; for messages of the caller's own checks.
+  /// "file:line" of a key, or of the table itself; for messages of the caller's own checks. Of merged tables it is the
+  /// first that is not a whole file, such as a [[finger]].
   std::string where(const std::string& key = "") const;
 
  private:

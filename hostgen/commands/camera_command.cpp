@@ -33,6 +33,10 @@ std::vector<std::string> sensor_names() {
 Sensor sensor_of(const Options& options) {
   for (const Sensor& sensor : known_sensors()) {
     if (sensor.name != options.sensor) continue;
+    if (options.width_px > 0 || options.height_px > 0 || options.pixel_um > 0 || options.rolling) {
+      throw InputError("command line", "--sensor", sensor.name,
+                       "custom with --width, --height, --pixel-um or --rolling: a known sensor has its own");
+    }
     Sensor chosen = sensor;
     if (options.colour) chosen.colour = true;
     return chosen;
@@ -98,7 +102,9 @@ void add_camera_command(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "camera", "what a camera would see of a finger: field of view, depth of field, pixels per marker, plate noise");
   command->add_option("spec", options->spec, "finger spec (TOML): where markers and lens are")->required();
-  command->add_option("--sensor", options->sensor, "a known sensor, or custom with --width, --height and --pixel-um")
+  command
+      ->add_option("--sensor", options->sensor,
+                   "a known sensor, which takes no --width, --height, --pixel-um or --rolling, or custom")
       ->check(CLI::IsMember(sensor_names()))
       ->required();
   command->add_option("--lens", options->focal_mm, "focal length, mm")->check(between(0.5, 100.0))->required();
@@ -113,10 +119,10 @@ void add_camera_command(CLI::App& app) {
       ->add_option("--binning", options->binning,
                    "pixels of the sensor along one of the image's; by default such that it is 1920 wide at most")
       ->check(CLI::Range(1, 8));
-  command->add_option("--width", options->width_px, "of a custom sensor, pixels")->check(CLI::Range(16, 8192));
-  command->add_option("--height", options->height_px, "of a custom sensor, pixels")->check(CLI::Range(16, 8192));
-  command->add_option("--pixel-um", options->pixel_um, "of a custom sensor")->check(between(0.5, 20.0));
-  command->add_flag("--rolling", options->rolling, "a custom sensor has a rolling shutter");
+  command->add_option("--width", options->width_px, "of a custom sensor only, pixels")->check(CLI::Range(16, 8192));
+  command->add_option("--height", options->height_px, "of a custom sensor only, pixels")->check(CLI::Range(16, 8192));
+  command->add_option("--pixel-um", options->pixel_um, "of a custom sensor only")->check(between(0.5, 20.0));
+  command->add_flag("--rolling", options->rolling, "the custom sensor has a rolling shutter");
   command->add_flag("--colour", options->colour, "the colour version of the sensor");
   command->callback([options] { run(*options); });
 }

@@ -32,7 +32,8 @@ constexpr int kFramesPerSecond = 60;
 
 struct Options {
   fs::path spec, output;
-  std::string size = "640x480", preset = "lab", coding = "linear", motion = "wander", event = "none";
+  std::string size = "640x480", preset = "lab", motion = "wander", event = "none";
+  std::optional<std::string> coding;  ///< instead of the preset's
   double seconds = 12, readout_ms = 0;
   std::uint64_t seed = 1;
   std::optional<std::uint64_t> finger;  ///< number of a virtual one
@@ -85,6 +86,10 @@ class PendingFolder {
   fs::path target_, temporary_;
 };
 
+bool is_srgb(const Options& options) {
+  return options.coding ? *options.coding == "srgb" : image_preset(options.preset).srgb;
+}
+
 std::string finger_text(const Options& options) {
   std::string text;
   if (options.finger) text += ", virtual finger " + std::to_string(*options.finger);
@@ -93,18 +98,18 @@ std::string finger_text(const Options& options) {
 }
 
 SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options& options) {
-  SessionInfo info{
-      .lens = lens,
-      .frames_per_second = kFramesPerSecond,
-      .marker_dictionary = "DICT_4X4_50",
-      .marker_id = {},
-      .marker_size_mm = spec.marker_size_mm,
-      .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " + options.motion +
-                     ", event " + options.event + ", seed " + std::to_string(options.seed) + finger_text(options),
-      .gravity_g = Vec3f(0, 0, 0),  // what is rendered has no weight
-      .coding = options.coding == "srgb" || image_preset(options.preset).srgb ? Coding::kSrgb : Coding::kLinear,
-      .readout_ms = options.readout_ms,
-      .from_rest = !options.finger && !image_preset(options.preset).is_misprinted()};
+  SessionInfo info{.lens = lens,
+                   .frames_per_second = kFramesPerSecond,
+                   .marker_dictionary = "DICT_4X4_50",
+                   .marker_id = {},
+                   .marker_size_mm = spec.marker_size_mm,
+                   .description = "rendered: finger " + spec.name + ", preset " + options.preset + ", motion " +
+                                  options.motion + ", event " + options.event + ", seed " +
+                                  std::to_string(options.seed) + finger_text(options),
+                   .gravity_g = Vec3f(0, 0, 0),  // what is rendered has no weight
+                   .coding = is_srgb(options) ? Coding::kSrgb : Coding::kLinear,
+                   .readout_ms = options.readout_ms,
+                   .from_rest = !options.finger && !image_preset(options.preset).is_misprinted()};
   for (int plate = 0; plate < kPlates; ++plate) info.marker_id[plate] = spec.plates[plate].marker_id;
   return info;
 }
@@ -149,7 +154,7 @@ std::string truth_csv(const std::vector<FemState>& states) {
 void write_images(const fs::path& file, const FingerSpec& spec, const Lens& camera, const std::vector<FemState>& states,
                   const Options& options) {
   ImageQuality quality = image_preset(options.preset);
-  quality.srgb |= options.coding == "srgb";
+  quality.srgb = is_srgb(options);
   quality.readout_s = options.readout_ms / 1000;
   Renderer renderer(spec, camera, quality, 2 * options.seed + 1);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px,
@@ -230,9 +235,12 @@ void add_render_command(CLI::App& app) {
   command->add_option("--size", options->size, "1280x720 (55 MB per second) or 640x480 (18 MB per second)")
       ->check(CLI::IsMember(kCameraOfSize))
       ->capture_default_str();
-  command->add_option("--coding", options->coding, "how grey levels stand for light")
-      ->check(CLI::IsMember({"linear", "srgb"}))
-      ->capture_default_str();
+  command
+      ->add_option(
+          "--coding", options->coding,
+          "how grey levels stand for light, whatever the preset; by default linear with lab, factory and worst, "
+          "srgb with the others")
+      ->check(CLI::IsMember({"linear", "srgb"}));
   command->add_option("--preset", options->preset, "quality of the images")
       ->check(CLI::IsMember(image_presets()))
       ->capture_default_str();

@@ -105,13 +105,15 @@ TEST_CASE("commands: zero all zeroes every finger, and its result is the worst")
     ZeroTogether zeros(2);
     Device left({}, {}, {&zeros, 0}), right({}, {}, {&zeros, 1});
     left.give(Command::kZeroAll, 1);
-    bool left_zeroed = false, right_zeroed = false;
+    unsigned left_status = 0, right_status = 0;
     for (int i = 0; i < 300; ++i) {
-      left_zeroed = left.frame(resting(1)).words[0] & kZeroed;
-      right_zeroed = right.frame(resting(other_mm)).words[0] & kZeroed;
+      left_status = left.frame(resting(1)).words[0];
+      right_status = right.frame(resting(other_mm)).words[0];
     }
-    CHECK(left_zeroed);
-    CHECK(right_zeroed == (other_mm < 5));
+    // By these bits a client tells whose zero is new.
+    constexpr unsigned kNew = kZeroed | kSettingsUnsaved;
+    CHECK((left_status & kNew) == kNew);
+    CHECK((right_status & kNew) == (other_mm < 5 ? kNew : 0));
     CHECK(left.read(kResultSequenceRegister) == 1);
     CHECK(left.read(kResultRegister) == (other_mm < 5 ? 0 : 1));
     CHECK(right.read(kResultSequenceRegister) == 0);  // its own clients ordered nothing

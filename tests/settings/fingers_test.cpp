@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <string>
 
 #include "firmware/settings/settings.h"
@@ -127,6 +128,82 @@ TEST_CASE("fingers: no two have the same digital line or processor") {
                 "finger.realtime.cpu: found 1, which finger \"left\"");
 }
 
+TEST_CASE("fingers: a digital line is only one output's of a finger, or its trigger") {
+  const auto gpio = [](const char* first, const char* second) {
+    return std::string("gpio = { chip = \"c\", healthy = { ") + first + " }, " + second + " }\n";
+  };
+  const std::string twice = gpio("number = 4", "light = { number = 4 }");
+  CHECK_REFUSED(kTop + camera("left") + camera("right", twice), "gpio: found line 4 a second time");
+  CHECK_REFUSED(kTop + camera("left", gpio("name = \"a\"", "trigger = { name = \"a\" }")), "found line \"a\" a second");
+  CHECK_REFUSED("pack = \"p\"\n" + twice + kTop + "[source]\nkind = \"session\"\npath = \"s\"\n",
+                "board.toml:2: gpio: found line 4 a second time");
+  CHECK(read(kTop + camera("left", gpio("number = 4", "light = { number = 5 }"))).size() == 1);
+}
+
+TEST_CASE("fingers: an error is where the finger stands, or the key that is wrong") {
+  const std::string left = kTop + camera("left"),
+                    no_pack = replaced(camera("right"), "pack = \"right.safetensors\"\n", "");
+  const auto line = [](const std::string& text) { return std::to_string(1 + std::ranges::count(text, '\n')); };
+  CHECK_REFUSED(left + no_pack, "board.toml:" + line(left) + ": pack: found nothing");
+  CHECK_REFUSED(left + "[[finger]]\nname = \"right\"\npack = \"p\"\n",
+                "board.toml:" + line(left) + ": source: found nothing");
+  const std::string no_modbus = replaced(left, "[modbus]\nport = 1502\n", "");
+  CHECK_REFUSED(no_modbus, "board.toml:1: modbus: found nothing");
+  const test::ScratchFolder folder;
+  const auto board = folder.write("board.toml", left);
+  const auto user = folder.write("finsight.toml", camera("left") + no_pack);
+  CHECK_THROWS_WITH_AS(read_fingers({board, user}),
+                       doctest::Contains(("finsight.toml:" + line(camera("left")) + ": pack").c_str()), InputError);
+  const std::string page = replaced(left, "[page]\n", "[page]\nport = 65535\n") + camera("right");
+  CHECK_REFUSED(page, "board.toml:10: page.port: found 65535");
+}
+
+TEST_CASE("fingers: gravity from elsewhere than at the file's top replaces that entirely") {
+  const std::string fixed = "[gravity]\nfrom = \"fixed\"\ndirection_g = [0, -1, 0]\n";
+  const auto fingers = read(kTop + fixed + camera("left") + camera("right", "gravity = { from = \"registers\" }\n"));
+  CHECK(fingers[0].fixed_g == Vec3f(0, -1, 0));
+  CHECK_FALSE(fingers[1].fixed_g);
+  CHECK(fingers[1].gravity_max_age_ms == 500);
+}
+
+TEST_CASE("fingers: a file beside the board file that cannot be used costs only the finger that needs it") {
+  const test::ScratchFolder folder;
+  folder.write("bad.toml", "model = 7\n[camera]\nturn_deg = 7\n");
+  const auto refusal_of_right = [&](const std::string& text) -> std::string {
+    const auto fingers = read_fingers(folder.write("board.toml", text));
+    REQUIRE(fingers.size() == 2);
+    CHECK_FALSE(fingers[0].unusable);
+    return fingers[1].unusable.value().what();
+  };
+  const auto says = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
+  const std::string left = kTop + camera("left");
+  CHECK(says(refusal_of_right(left + camera("right", "mount = \"none.toml\"\n")), "none.toml: no such file"));
+  CHECK(says(refusal_of_right(left + camera("right", "fit = \"none.toml\"\n")), "none.toml: no such file"));
+  CHECK(
+      says(refusal_of_right(left + camera("right", "mount = \"bad.toml\"\n")), "bad.toml:3: camera.turn_deg: found 7"));
+  CHECK(says(refusal_of_right(left + camera("right", "fit = \"bad.toml\"\n")), "bad.toml:1: model: found 7"));
+  std::string lens = camera("right");
+  lens = lens.substr(0, lens.find("[finger.source.lens]")) + "lens = \"none.toml\"\n";
+  CHECK(says(refusal_of_right(left + lens), "none.toml: no such file"));
+
+  const std::string measured = replaced(left, "[page]\n", "[page]\nmeasured = \"measured\"\n") + camera("right");
+  std::filesystem::create_directories(folder / "measured/right");
+  for (const char* name : {kMeasuredLens, kMeasuredMount, kMeasuredFit}) {
+    const auto file = folder.write(std::string("measured/right/") + name, "broken\n");
+    CHECK(says(refusal_of_right(measured), (file.string() + ":").c_str()));
+    std::filesystem::remove(file);
+  }
+}
+
+TEST_CASE("fingers: a wrong table in the board file itself, and an only finger's file, stop everything") {
+  const std::string left = kTop + camera("left");
+  CHECK_REFUSED(left + camera("right", "mount = 7\n"), "mount: found 7");
+  CHECK_REFUSED(left + camera("right", "mount = \"\"\n"), "mount: found \"\", expected a path");
+  CHECK_REFUSED(left + camera("right", "mount = { camera = 7 }\n"), "mount.camera: found 7");
+  CHECK_REFUSED("pack = \"p\"\nmount = \"none.toml\"\n" + kTop + "[source]\nkind = \"session\"\npath = \"s\"\n",
+                "none.toml: no such file");
+}
+
 TEST_CASE("fingers: they have the same unit ids on TCP and on the serial line") {
   const auto with = [](const std::string& unit, const std::string& serial) {
     return replaced(kTop, "port = 1502\n",
@@ -136,8 +213,8 @@ TEST_CASE("fingers: they have the same unit ids on TCP and on the serial line") 
   CHECK(read(with("", ""))[0].modbus.serial.value().unit == 1);
   CHECK(read(with("unit = 7\n", ""))[0].modbus.serial.value().unit == 7);
   CHECK(read(with("unit = 7\n", "unit = 7\n"))[1].modbus.serial.value().unit == 7);
-  CHECK_REFUSED(with("", "unit = 2\n"), "modbus.serial.unit: found 2, expected 1, as with TCP");
-  CHECK_REFUSED(with("unit = 247\n", ""), "units 247 to 248 for the fingers");
+  CHECK_REFUSED(with("", "unit = 2\n"), "board.toml:6: modbus.serial.unit: found 2, expected 1, as with TCP");
+  CHECK_REFUSED(with("unit = 247\n", ""), "board.toml:4: modbus.unit: found units 247 to 248 for the fingers");
 }
 
 TEST_CASE("fingers: of a file that cannot be used, each finger's outputs still can") {

@@ -303,6 +303,33 @@ class Hostgen(unittest.TestCase):
         self.assertEqual(run(BINARIES / "hostgen", "mesh", "/no/such.toml", "-o", "/tmp/x.vtu").returncode, 2)
         self.assertEqual(run(BINARIES / "hostgen", "--help").returncode, 0)
 
+    def test_a_known_sensor_takes_no_numbers_of_a_custom_one(self):
+        camera = ("camera", SPEC, "--lens", 2.2, "--sensor")
+        numbers = ("--width", 640, "--height", 400, "--pixel-um", 3)
+        for words in (numbers[:2], numbers[2:4], numbers[4:], ("--rolling",)):
+            answer = run(BINARIES / "hostgen", *camera, "OV9281", *words)
+            self.assertEqual(answer.returncode, 2, words)
+            self.assertIn("a known sensor has its own", answer.stderr, words)
+        answer = run(BINARIES / "hostgen", *camera, "OV9281", "--colour")
+        self.assertIn("OV9281: 1280 x 800 pixels of 3 um, global shutter, colour", answer.stdout)
+        answer = run(BINARIES / "hostgen", *camera, "custom", *numbers, "--rolling")
+        self.assertIn("custom: 640 x 400 pixels of 3 um, rolling shutter, grey", answer.stdout)
+
+    def test_the_coding_that_is_asked_for_is_rendered_whatever_the_preset(self):
+        with tempfile.TemporaryDirectory() as folder:
+            frames = {}
+            for preset, coding, expected in (("lab", "", "linear"), ("coded", "", "srgb"), ("coded", "linear", "linear"),
+                                             ("lab", "srgb", "srgb")):
+                session = Path(folder) / f"{preset}-{coding}"
+                answer = run(BINARIES / "hostgen", "render", SPEC, "-o", session, "--motion", "rest", "--seconds", 0.1,
+                             "--preset", preset, *(("--coding", coding) if coding else ()))
+                self.assertEqual(answer.returncode, 0, answer.stderr)
+                self.assertEqual('coding = "srgb"' in (session / "session.toml").read_text(), expected == "srgb", session)
+                frames[preset, coding] = (session / "frames.y4m").read_bytes()
+        self.assertEqual(frames["coded", "linear"], frames["lab", ""])
+        self.assertEqual(frames["coded", ""], frames["lab", "srgb"])
+        self.assertNotEqual(frames["coded", ""], frames["lab", ""])
+
 
 class RealFinger(unittest.TestCase):
     def test_a_recorded_motion_runs_through_to_the_registers(self):

@@ -18,11 +18,11 @@ import unittest
 import urllib.request
 from pathlib import Path
 
-from end_to_end import BINARIES, WORK, prepare  # and scripts/lib is in the path from here on
+from end_to_end import BINARIES, PACK, WORK, prepare  # and scripts/lib is in the path from here on
 from page_device import KEY, Device, render
 from pymodbus.client import ModbusTcpClient
 from register_block import ADDRESS, Reader
-from several_fingers import LEFT, RIGHT, prepare_right
+from several_fingers import LEFT, RIGHT, RIGHT_PACK, RIGHT_SPEC, finger, prepare_right
 
 try:
     from selenium import webdriver
@@ -128,6 +128,50 @@ class Page(unittest.TestCase):
             registers = json.loads(urllib.request.urlopen(f"http://127.0.0.1:{port}/api/state").read())
             self.assertEqual(registers["model_checksum"], checksum[0] << 16 | checksum[1])
             browser.driver.find_element(By.LINK_TEXT, "right").click()
+        self.assertEqual(browser.problems(), [])
+
+    def test_several_fingers_are_shown_together_and_zeroed_at_once(self):
+        prepare_right()
+        right_rest, right_touched = WORK / "right-rest", WORK / "right-touched"
+        render(right_rest, "--motion", "rest", "--seconds", "3", spec=RIGHT_SPEC)
+        render(right_touched, "--hole", "5", "--mass-g", "300", "--seconds", "30", spec=RIGHT_SPEC)  # from the third second on
+        still = self.device(None, fingers=finger("left", PACK, REST) + finger("right", RIGHT_PACK, right_rest))
+        browser = self.browser()
+        browser.open(still, "live")
+        self.said(browser, "main", "all ready\nof 2 fingers")
+        values = {"force_sum": "Sum of forces", "force_balance": "Balance: finger 1 less the others"}
+
+        def shown(name):
+            tiles = browser.driver.find_elements(By.CSS_SELECTOR, ".card .tile")
+            return next(tile for tile in tiles if tile.text.startswith(name)).find_element(By.CSS_SELECTOR, ".value span").text
+        for register, name in values.items():
+            browser.wait(lambda d: shown(name) == "0.00", name)
+            self.assertEqual(still.get("/api/state")[1][register], 0)
+        self.assertEqual(shown("Centre of touch"), "–")
+        SHOTS.mkdir(exist_ok=True)
+        browser.driver.save_screenshot(str(SHOTS / "live-two-fingers.png"))
+
+        def zeroed(device):
+            state = device.get("/api/state")[1]
+            return ["zeroed" in state[f"finger_{n}_status"] for n in (1, 2)]
+        self.assertEqual(zeroed(still), [False, False])
+        browser.click("Zero all fingers")
+        browser.unlock()
+        self.said(browser, "#toasts", "Zero all fingers: done")
+        self.assertEqual(zeroed(still), [True, True])
+        touched = self.device(None, fingers=finger("left", PACK, REST) + finger("right", RIGHT_PACK, right_touched))
+        browser.open(touched, "setup/zero")
+        touched.wait(lambda: "touch_valid" in touched.get("/api/state")[1]["finger_2_status"], "a touch of the right finger", PATIENCE_S)
+        browser.click("Zero all fingers")
+        browser.unlock()
+        self.said(browser, "#toasts", "not every finger was zeroed")
+        self.assertEqual(zeroed(touched), [True, False])
+        alone = self.device(REST)
+        for page in ("live", "setup/zero"):
+            browser.open(alone, page)
+            self.said(browser, "main", "Zero now" if page == "setup/zero" else "Latency")
+            time.sleep(1.5)  # registers come twice a second
+            self.assertNotIn("all fingers", browser.text().lower())
         self.assertEqual(browser.problems(), [])
 
     def test_live_values_are_those_of_the_registers_in_the_same_second(self):

@@ -14,10 +14,10 @@ from firmware_process import free_port
 KEY = 18003
 
 
-def render(folder, *words):
-    newest = max((BINARIES / "hostgen").stat().st_mtime, SPEC.stat().st_mtime)
+def render(folder, *words, spec=SPEC):
+    newest = max((BINARIES / "hostgen").stat().st_mtime, spec.stat().st_mtime)
     if not folder.exists() or folder.stat().st_mtime < newest:
-        subprocess.run([BINARIES / "hostgen", "render", SPEC, "-o", folder, "--size", "640x480", *words], check=True)
+        subprocess.run([BINARIES / "hostgen", "render", spec, "-o", folder, "--size", "640x480", *words], check=True)
 
 
 class Device:

@@ -248,6 +248,31 @@ class SeveralFingers(unittest.TestCase):
             self.assertIn("left: ", device.errors)
             self.assertIn("broken.safetensors", device.errors)
 
+    def test_a_finger_with_a_bad_mount_fit_or_measured_file_has_fault_5_and_the_other_works(self):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = Path(folder)
+            measured = folder / "measured/right/mount.toml"
+            measured.parent.mkdir(parents=True)
+            bad = folder / "bad.toml"
+            bad.write_text("[camera]\nturn_deg = 7\n")
+            page = f'[page]\nport = {free_port()}\nfolder = "{folder}/page"\nmeasured = "{folder}/measured"\n'
+            for key, file, said in (("mount", folder / "none.toml", "none.toml: no such file"),
+                                    ("mount", bad, "bad.toml:2: camera.turn_deg: found 7, expected 3 numbers"),
+                                    ("fit", bad, "bad.toml:1: model: found nothing, expected a text"),
+                                    (None, measured, f"{measured}:1: ")):
+                more = f'{key} = "{file}"\n' if key else ""
+                if not key:
+                    measured.write_text("broken\n")
+                tables = (LEFT, finger("right", RIGHT_PACK, RIGHT_SESSION, more=more))
+                with self.subTest(said), Fingers(*tables, more=page) as device:
+                    device.wait(lambda: has(device.one("status", 1), "status", "ready"))
+                    device.wait(lambda: device.one("fault", 2) == VALUES["fault"]["settings_or_model_refused"])
+                    self.assertEqual(device.one("fault", 1), 0)
+                    answer = run(BINARIES / "finsightd", "--settings", device.folder / "board.toml", "--check")
+                    self.assertEqual(answer.returncode, 2)
+                    self.assertIn(said, answer.stderr)
+                self.assertRegex(device.errors, rf"right: .*{said}")
+
     def test_a_session_that_breaks_in_the_middle_costs_the_other_finger_nothing(self):
         with tempfile.TemporaryDirectory() as folder:
             folder = Path(folder)

@@ -133,7 +133,7 @@ export async function order(command) {
         const result = device.registers.value(`history_${n}_result`);
         if (result === "running") break;
         if (result === "done") toast(text.commands.done(name));
-        else toast(text.commands.failed(name, text.commands.results[result] || result), "bad");
+        else toast(text.commands.failed(name, text.commands.own_results[command]?.[result] || text.commands.results[result] || result), "bad");
         return result === "done";
       }
     }

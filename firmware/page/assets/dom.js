@@ -1,4 +1,5 @@
 // Elements in one call, and the few shapes that every page has.
+import {text as texts} from "./text.js";
 
 /** h("button", {class: "main", onclick}, "text", child, [children]) */
 export function h(tag, attributes = {}, ...children) {
@@ -64,6 +65,18 @@ export function icon(name) {
 
 export const card = (title, actions, ...body) =>
   h("section", {class: "card"}, h("header", {}, h("h2", {}, title), h("span", {class: "gap"}), actions || []), body);
+
+/** A value with its name above and a remark below it. */
+export function tile(name, unit, kind = "") {
+  const number = h("span"), more = h("div", {class: "more"});
+  const element = h("div", {class: `tile ${kind}`}, h("div", {class: "name"}, name),
+                    h("div", {class: "value"}, number, unit ? h("span", {class: "unit"}, unit) : null), more);
+  return {element, show(value, below = "") {
+    setText(number, value ?? texts.invalid);
+    setText(more, below);
+    element.classList.toggle("off", value === null || value === undefined);
+  }};
+}
 
 export function notice(level, title, text, action) {
   return h("div", {class: `notice ${level}`}, icon(level === "info" ? "info" : level),

@@ -42,6 +42,11 @@ export const text = {
     resolution: (w, h) => `${w} × ${h}`,
   },
 
+  gripper: {
+    title: "All fingers", zero_all: "Zero all fingers", state: "State", sum: "Sum of forces", balance: "Balance: finger 1 less the others",
+    centre: "Centre of touch: across, up", age: "Oldest result", fingers: (n) => `of ${n} fingers`,
+  },
+
   why: {
     all_good: "Measuring", all_good_touch: "Measuring: the finger is touched", all_good_text: "All three markers are seen and the finger is zeroed.",
     connecting: ["Connecting to the device", ""],
@@ -88,8 +93,10 @@ export const text = {
   commands: {
     running: (name) => `${name}: running …`, done: (name) => `${name}: done`,
     results: {not_possible: "not possible now", not_configured: "not configured in the board file", failed: "failed (disk error)"},
+    // Instead of the above, by command.
+    own_results: {zero_all: {not_possible: "not every finger was zeroed. One that is touched or not fully seen keeps its old zero, the others have their new one."}},
     failed: (name, why) => `${name}: ${why}`, no_result: "no result came",
-    names: {zero: "Zero", save: "Save", clear: "Clear fault", record: "Record", stop: "Stop recording", reset: "Restart", factory: "Factory settings"},
+    names: {zero: "Zero", zero_all: "Zero all fingers", save: "Save", clear: "Clear fault", record: "Record", stop: "Stop recording", reset: "Restart", factory: "Factory settings"},
   },
 
   registers: {
@@ -176,6 +183,7 @@ export const text = {
       cannot_store: "Nothing can be stored here: the board file has no page.measured. Download the file and name it in the board file (mount).",
     },
     zero: {title: "Zero the finger", text: "Nothing must touch it and it must be still. Its present pose becomes its rest pose; this takes half a second.", go: "Zero now",
+           all: "To zero all fingers of this device at once, nothing must touch any of them.",
            done: "The finger is zeroed.", not_done: "The finger is not zeroed.", values: "Residual"},
     weights: {
       title: "Known weights", text: "Put the jig on the finger, the pin into one of its holes and a weight onto the pin. Once it rests, take a reading.",

@@ -1,26 +1,16 @@
 // What the device sees and measures now.
 import {device, isLive} from "./device.js";
 import {text} from "./text.js";
-import {card, h, setText} from "./dom.js";
+import {card, h, setText, tile} from "./dom.js";
 import {CameraView} from "./camera.js";
 import {FingerView} from "./finger3d.js";
 import {Charts} from "./charts.js";
+import {GripperCard} from "./gripper.js";
 import {WhyList} from "./why.js";
-
-function tile(name, unit, kind = "") {
-  const number = h("span"), more = h("div", {class: "more"});
-  const element = h("div", {class: `tile ${kind}`}, h("div", {class: "name"}, name),
-                    h("div", {class: "value"}, number, unit ? h("span", {class: "unit"}, unit) : null), more);
-  return {element, show(value, below = "") {
-    setText(number, value ?? text.invalid);
-    setText(more, below);
-    element.classList.toggle("off", value === null || value === undefined);
-  }};
-}
 
 export function livePage() {
   const t = text.live;
-  const why = new WhyList(), charts = new Charts(), finger = new FingerView();
+  const why = new WhyList(), charts = new Charts(), finger = new FingerView(), gripper = new GripperCard();
   const note = h("span"), size = h("span");
   const camera = new CameraView({onpicture: () => {
     setText(note, t.picture_note(device.picture.edge.toFixed(1), device.picture.mean.toFixed(0)));
@@ -47,7 +37,7 @@ export function livePage() {
     tiles.frames.show(fixed("frame_rate", 1), [wanted ? t.wanted(Number(wanted.toFixed(1))) : "", dropped ? t.dropped(dropped) : ""].filter(Boolean).join(" · "));
   }
   const element = h("div", {}, h("h1", {}, t.title), why.element,
-    h("div", {class: "tiles"}, Object.values(tiles).map((x) => x.element)),
+    h("div", {class: "tiles"}, Object.values(tiles).map((x) => x.element)), gripper.element,
     h("div", {class: "two"},
       card(t.camera, h("label", {class: "row", htmlFor: "markers"}, markers, t.show_markers), camera.element, h("footer", {}, size, note)),
       card(t.finger, h("button", {onclick: () => finger.reset()}, t.reset_view), finger.element)),
@@ -57,6 +47,7 @@ export function livePage() {
     update(what) {
       if (!device.registers) return;
       why.update();
+      if (what !== "frame") gripper.update();
       if (what === "frame" || !isLive()) { showTiles(); if (!charts.paused) charts.draw(); }
     },
     leave() { camera.stop(); finger.stop(); },

@@ -3,6 +3,7 @@ import {device, hasPicture, isKnown, isLive, order} from "./device.js";
 import {text} from "./text.js";
 import {busy, card, h, icon, keepFocus, setText} from "./dom.js";
 import {CameraView} from "./camera.js";
+import {ZeroAllButton} from "./gripper.js";
 import {WhyList, nothingKnown, pictureReasons, softEdge} from "./why.js";
 import {lensStep} from "./setup_lens.js";
 import {mountStep} from "./setup_mount.js";
@@ -80,12 +81,15 @@ function cameraStep() {
 function zeroStep() {
   const t = text.setup.zero, list = checks(2), why = new WhyList();
   const go = h("button", {class: "main", onclick: () => busy(go, () => order("zero"))}, t.go);
+  const all = new ZeroAllButton(), explain = h("p", {hidden: true}, t.all);
   const camera = new CameraView();
-  return {element: h("div", {class: "two"}, card(t.title, go, h("div", {class: "body"}, h("p", {}, t.text), list.element, h("p"), why.element)),
+  return {element: h("div", {class: "two"}, card(t.title, [all.element, go], h("div", {class: "body"}, h("p", {}, t.text), explain, list.element, h("p"), why.element)),
                      card(text.live.camera, null, camera.element)),
           leave: () => camera.stop(),
           update() {
             why.update();
+            all.update();
+            explain.hidden = all.element.hidden;
             const zeroed = device.registers.known("status", "zeroed"), rms = device.registers.value("rms_displacement");
             list.show([[zeroed, zeroed === null ? text.unknown : zeroed ? t.done : t.not_done],
               [rms === null ? null : rms < 0.5, `${t.values}: ${rms === null ? text.invalid : rms.toFixed(2)} mm`]]);
