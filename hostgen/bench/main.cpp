@@ -170,13 +170,13 @@ double time_of(const json& iterations, int tets, const std::string& way) {
 json measure_schedules(const Mesh& mesh, const MountModel& mount, const json& iterations, bool quick) {
   const ShapeModel model = mesh.model.view();
   json rows = json::array();
+  const bool is_default = mesh.size == MeshSize::kDefault;
   std::vector<std::pair<int, int>> schedules;
   for (int factorisations = 1; factorisations <= 5; ++factorisations) {
     for (int chords = 0; chords <= 2; ++chords) {
-      const bool is_default = mesh.size == MeshSize::kDefault;
-      const bool is_basic = quick && !is_default ? factorisations == 1 && chords < 2
-                                                 : factorisations <= 2 && factorisations + chords <= 3;
-      if (is_basic || (!quick && is_default)) schedules.emplace_back(factorisations, chords);
+      const bool is_basic =
+          is_default ? factorisations <= 2 && factorisations + chords <= 3 : factorisations == 1 && chords < 2;
+      if (is_basic || !quick) schedules.emplace_back(factorisations, chords);
     }
   }
   std::vector<PlateMotionPath> motions = report_motions(mount);
@@ -192,6 +192,7 @@ json measure_schedules(const Mesh& mesh, const MountModel& mount, const json& it
                       {"scalar", scalar},
                       {"motion", motion.name},
                       {"us_per_frame", result.us_per_frame},
+                      {"quartiles_us", result.quartiles_us},
                       {"worst_mm", result.distance.worst_mm},
                       {"mean_mm", result.distance.mean_mm}});
     };
@@ -203,7 +204,7 @@ json measure_schedules(const Mesh& mesh, const MountModel& mount, const json& it
         add_row(tier, f, c, scalar, result);
       };
       // On the default mesh the report measures the whole stage, which is float.
-      if (mesh.size != MeshSize::kDefault) {
+      if (!is_default) {
         add("newton", "float", run_schedule<float>(model, mount, motion, truth, factorisations, chords));
       }
       ScheduleResult result = run_schedule<double>(model, mount, motion, truth, factorisations, chords);
@@ -211,6 +212,7 @@ json measure_schedules(const Mesh& mesh, const MountModel& mount, const json& it
       if (chords > 0) continue;
       for (const char* library : {"eigen", "cholmod"}) {
         result.us_per_frame = factorisations * time_of(iterations, model.tets, library);
+        result.quartiles_us.fill(result.us_per_frame);
         add(library, "double", result);
       }
     }

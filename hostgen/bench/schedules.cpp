@@ -62,6 +62,7 @@ ScheduleResult run_schedule(const ShapeModel& model, const MountModel& mount, co
     result.distance.mean_mm += d.mean_mm / static_cast<double>(motion.frames.size());
   }
   result.us_per_frame = quantile(us, 0.5);
+  result.quartiles_us = {quantile(us, 0.25), quantile(us, 0.75)};
   return result;
 }
 template ScheduleResult run_schedule<float>(const ShapeModel&, const MountModel&, const PlateMotionPath&, const Shapes&,
@@ -82,6 +83,7 @@ ScheduleResult run_published(const ShapeModel& soft, const MountModel& mount, co
     result.distance.mean_mm += d.mean_mm / static_cast<double>(motion.frames.size());
   }
   result.us_per_frame = quantile(us, 0.5);
+  result.quartiles_us = {quantile(us, 0.25), quantile(us, 0.75)};
   return result;
 }
 

@@ -1,14 +1,17 @@
 // Fixed schedules of the Newton solver over a motion: time per frame against the distance to the converged shape.
 #pragma once
 
+#include <array>
+
 #include "hostgen/hard_cases/motions.h"
 #include "hostgen/hard_cases/shape_distance.h"
 
 namespace finsight::host {
 
 struct ScheduleResult {
-  double us_per_frame = 0;  ///< median
-  ShapeDistance distance;   ///< the worst of all frames, the mean of their means
+  double us_per_frame = 0;               ///< median
+  std::array<double, 2> quartiles_us{};  ///< of a frame's time: the lower and the upper
+  ShapeDistance distance;                ///< the worst of all frames, the mean of their means
 };
 /// S: float or double.
 template <class S>

@@ -62,15 +62,17 @@ class Distance {
       return std::sqrt(sum);
     };
     sum_.touch_point_mm += at(truth_.states[state].front_node);
-    double front = 0;
+    double front = 0, all = 0;
     for (const std::int32_t node : shape_.front_nodes) front += at(node);
+    for (std::int32_t node = 0; node < shape_.nodes; ++node) all += at(node);
     sum_.front_mm += front / static_cast<double>(shape_.front_nodes.size());
+    sum_.all_mm += all / shape_.nodes;
     ++count_;
   }
 
   ShapeErrors mean() const {
     const double count = std::max<double>(1, static_cast<double>(count_));
-    return {sum_.touch_point_mm / count, sum_.front_mm / count};
+    return {sum_.touch_point_mm / count, sum_.front_mm / count, sum_.all_mm / count};
   }
 
  private:
@@ -102,6 +104,7 @@ TierAtTouch judge(const char* tier, ShapeStage& stage, const ShapeSamples& sampl
           .clean = clean.mean(),
           .noisy = noisy.mean(),
           .us_per_frame = quantile(us, 0.5),
+          .quartiles_us = {quantile(us, 0.25), quantile(us, 0.75)},
           .contact_map_share = static_cast<double>(by_contact_map) / static_cast<double>(noisy_frames)};
 }
 
@@ -139,8 +142,10 @@ std::vector<TierAtTouch> measure_tiers_at_touch(const FingerSpec& spec, const Mo
   using Tier = ShapeSettings::Tier;
   const ShapeSamples samples = contact_shapes(spec, unseen, 1, seed);
   std::vector<TierAtTouch> tiers;
-  for (const auto& [name, tier] :
-       {std::pair{"map", Tier::kMap}, {"newton", Tier::kNewton}, {"contact", Tier::kContact}}) {
+  for (const auto& [name, tier] : {std::pair{"map", Tier::kMap},
+                                   {"map+newton", Tier::kMapAndNewton},
+                                   {"newton", Tier::kNewton},
+                                   {"contact", Tier::kContact}}) {
     if (tier == Tier::kContact && !model.contact_map) continue;
     ShapeStage stage(model, {.tier = tier});
     tiers.push_back(judge(name, stage, samples, unseen, model.shape));

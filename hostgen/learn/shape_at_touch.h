@@ -1,6 +1,7 @@
 // Shape errors where the finger is touched: the paper's energy method against the contact-aware map.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@ namespace finsight::host {
 struct ShapeErrors {
   double touch_point_mm = 0;  ///< of the front-face node nearest to the touched point
   double front_mm = 0;        ///< of all nodes of the front face
+  double all_mm = 0;          ///< of all nodes
 };
 struct ShapeAtTouch {
   ShapeErrors energy_clean, energy_noisy, contact_aware_clean, contact_aware_noisy;
@@ -30,11 +32,12 @@ ShapeAtTouch measure_shape_at_touch(const FingerSpec& spec, const Model& model, 
 struct TierAtTouch {
   std::string tier;  ///< as in board files
   ShapeErrors clean, noisy;
-  double us_per_frame = 0;       ///< median time of the shape stage, reset before every frame
+  double us_per_frame = 0;  ///< median time of the shape stage, reset before every frame
+  std::array<double, 2> quartiles_us{};
   double contact_map_share = 0;  ///< share of noisy frames that the contact map answered (register 43)
 };
-/// Tests the tiers map, newton and, if the pack has a contact map, contact, on valid states that the pack was not
-/// trained on, each once clean and once with the spec's noise.
+/// Tests the tiers map, map+newton, newton and, if the pack has a contact map, contact, on valid states that the pack
+/// was not trained on, each once clean and once with the spec's noise.
 std::vector<TierAtTouch> measure_tiers_at_touch(const FingerSpec& spec, const Model& model, const FemDataset& unseen,
                                                 std::uint64_t seed);
 

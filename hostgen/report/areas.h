@@ -69,8 +69,8 @@ nlohmann::json measure_real(const Model& model, const std::filesystem::path& rec
                             const std::filesystem::path& folder, bool quick);
 
 /// Contact forces of four touches (a point, two, a pressure, the edge) from noisy plate motions: Gauss-Newton beside
-/// the paper's L-BFGS, and how often the stated uncertainty holds the truth; plots contact_forces.svg into `folder`.
+/// the paper's L-BFGS, and how often the stated uncertainty holds the truth.
 /// `quick`: 10 draws of the noise instead of 100, 5 iterations of L-BFGS instead of 200.
-nlohmann::json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, bool quick);
+nlohmann::json measure_force(const FingerSpec& spec, bool quick);
 
 }  // namespace finsight::host

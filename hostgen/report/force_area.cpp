@@ -9,7 +9,6 @@
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
-#include "hostgen/util/gnuplot.h"
 
 namespace finsight::host {
 
@@ -95,28 +94,6 @@ bool force_within(double true_n, const ContactForces& found) {
   return lowest_n <= true_n && true_n <= highest_n;
 }
 
-void plot(const json& rows, const std::filesystem::path& svg) {
-  Gnuplot gnuplot(svg);
-  gnuplot.line("set terminal svg size 900,700 dynamic background 'white'");
-  gnuplot.line("set multiplot layout 2,2");
-  gnuplot.line("set logscale xy");
-  gnuplot.line("set xlabel 'processor time, s'; set ylabel 'objective'");
-  for (const json& row : rows) {
-    gnuplot.line("set title '" + row["touch"].get<std::string>() + "'");
-    gnuplot.line(
-        "plot '-' title 'L-BFGS, adjoint gradient (paper)' with lines, '-' title 'Gauss-Newton' with linespoints");
-    for (const char* method : {"lbfgs_curve", "gauss_newton_curve"}) {
-      for (const json& point : row[method]) {
-        gnuplot.line(std::to_string(std::max(1e-3, point[0].get<double>())) + " " +
-                     std::to_string(std::max(1e-3, point[1].get<double>())));
-      }
-      gnuplot.line("e");
-    }
-  }
-  gnuplot.line("unset multiplot");
-  gnuplot.finish();
-}
-
 /// Figures of one draw of the noise; they are averaged over all draws.
 json draw_figures(const Case& touch, const std::vector<double>& truth_mm, const TetMesh& mesh,
                   const ContactForces& found) {
@@ -172,7 +149,7 @@ json run_case(ContactForceSolver& solver, const FingerSpec& spec, const TetMesh&
 
 }  // namespace
 
-json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
+json measure_force(const FingerSpec& spec, bool quick) {
   const TetMesh mesh = make_mesh(spec);
   ContactForceSolver solver(spec, mesh, 570, quick ? 12 : 30);
   Random random(1);
@@ -188,7 +165,6 @@ json measure_force(const FingerSpec& spec, const std::filesystem::path& folder, 
     for (const json& row : rows) sum += row[key].get<double>();
     return sum / static_cast<double>(rows.size());
   };
-  plot(rows, folder / "contact_forces.svg");
   json force;
   for (const char* key :
        {"gauss_newton_s", "lbfgs_s", "lbfgs_front_mm", "truth_within_uncertainty", "force_within_uncertainty"})

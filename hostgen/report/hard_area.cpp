@@ -19,10 +19,18 @@ constexpr std::uint64_t kSearchSeed = 22;
 constexpr std::size_t kPictures = 10;
 
 json row_of(const HardCaseResult& result) {
-  return {{"family", result.family},        {"name", result.name},
-          {"frames", result.frames},        {"flagged", result.flagged},
-          {"iterations", result.max_steps}, {"worst_mm", result.worst_mm},
-          {"end_mm", result.end_mm},        {"good", result.good()}};
+  constexpr double kNotJudged_mm = 1e6;
+  const auto limit = [](double mm) { return mm < kNotJudged_mm ? json(mm) : json(nullptr); };
+  return {{"family", result.family},
+          {"name", result.name},
+          {"frames", result.frames},
+          {"flagged", result.flagged},
+          {"iterations", result.max_steps},
+          {"worst_mm", result.worst_mm},
+          {"allowed_mm", limit(result.allowed_mm)},
+          {"end_mm", result.end_mm},
+          {"allowed_end_mm", limit(result.allowed_end_mm)},
+          {"good", result.good()}};
 }
 
 /// The worst of each family.

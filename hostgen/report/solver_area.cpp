@@ -12,6 +12,7 @@
 #include "hostgen/hard_cases/shape_distance.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
+#include "hostgen/util/statistics.h"
 #include "hostgen/util/stopwatch.h"
 
 namespace finsight::host {
@@ -61,14 +62,14 @@ json measure(const Model& model, const Schedule& schedule, const PlateMotionPath
     total.worst_mm = std::max(total.worst_mm, d.worst_mm);
     total.mean_mm += d.mean_mm / static_cast<double>(motion.frames.size());
   }
-  std::nth_element(us.begin(), us.begin() + static_cast<std::ptrdiff_t>(us.size() / 2), us.end());
   return {{"tier", schedule.tier},
           {"mesh_tets", model.shape.tets},
           {"factorisations", takes_newton_steps(schedule.settings.tier) ? schedule.settings.factorisations : 0},
           {"chords", schedule.settings.chord_steps},
           {"scalar", "float"},
           {"motion", motion.name},
-          {"us_per_frame", us[us.size() / 2]},
+          {"us_per_frame", quantile(us, 0.5)},
+          {"quartiles_us", {quantile(us, 0.25), quantile(us, 0.75)}},
           {"worst_mm", total.worst_mm},
           {"mean_mm", total.mean_mm}};
 }

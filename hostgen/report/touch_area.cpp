@@ -49,7 +49,10 @@ json shape_json(const Model& model, const FingerSpec& spec, const FemDataset& da
                                 {"touch_point_noisy_mm", tier.noisy.touch_point_mm},
                                 {"front_clean_mm", tier.clean.front_mm},
                                 {"front_noisy_mm", tier.noisy.front_mm},
+                                {"all_clean_mm", tier.clean.all_mm},
+                                {"all_noisy_mm", tier.noisy.all_mm},
                                 {"us_per_frame", tier.us_per_frame},
+                                {"quartiles_us", tier.quartiles_us},
                                 {"contact_map_share", tier.contact_map_share}});
   }
   return figures;

@@ -3,7 +3,8 @@
 
 usage: fingers.py FINSIGHTD PACK SESSION [--seconds N] [--tier TIER] [--json FILE]
 Every finger replays SESSION at its recorded speed with a loop of its own. Prints or writes JSON, per number of fingers the worst
-of them: {"1": {"p50_ms", "p99_ms", "worst_ms", "frames", "dropped", "memory_mb"}, "2": ..., "load": [before]}
+of them: {"1": {"p50_ms", "p99_ms", "worst_ms", "frames", "dropped", "memory_mb"}, "2": ..., "each": [rows of every finger],
+"load": [before]}
 """
 import argparse
 import json
@@ -31,12 +32,12 @@ def run(arguments, count):
         results = []
         for times, frames, dropped in re.findall(r"^frame((?: +\d+)+)$\nframes (\d+), dropped (\d+)", errors, re.M):
             _, p50, p99, worst = (int(word) for word in times.split())
-            results.append({"p50_us": p50, "p99_us": p99, "worst_us": worst, "frames": int(frames),
-                            "dropped": int(dropped)})
+            results.append({"fingers": count, "finger": len(results) + 1, "p50_ms": p50 / 1000, "p99_ms": p99 / 1000,
+                            "worst_ms": worst / 1000, "frames": int(frames), "dropped": int(dropped)})
         assert len(results) == count, errors
-        worst = {f"{key}_ms": max(one[f"{key}_us"] for one in results) / 1000 for key in ("p50", "p99", "worst")}
-        return {**worst, "frames": min(one["frames"] for one in results), "dropped": sum(one["dropped"] for one in results),
-                "memory_mb": round(int(resident[1]) / 1024, 1)}
+        slowest = {key: max(one[key] for one in results) for key in ("p50_ms", "p99_ms", "worst_ms")}
+        return {**slowest, "frames": min(one["frames"] for one in results), "dropped": sum(one["dropped"] for one in results),
+                "memory_mb": round(int(resident[1]) / 1024, 1)}, results
 
 
 def main():
@@ -48,9 +49,10 @@ def main():
     parser.add_argument("--tier", default="newton")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
-    report = {"load": list(os.getloadavg()), "processors": os.cpu_count()}
+    report = {"load": list(os.getloadavg()), "processors": os.cpu_count(), "each": []}
     for count in (1, 2, 3):
-        report[str(count)] = run(arguments, count)
+        report[str(count)], each = run(arguments, count)
+        report["each"] += each
     text = json.dumps(report, indent=1) + "\n"
     if arguments.json:
         arguments.json.write_text(text)

@@ -108,8 +108,10 @@ def model(results, file):
     rows = at(results, "shape.tiers") or []
     if not rows:
         return
-    chart = Chart(2)
-    for axes, key, title in ((chart.axes[0], "touch_point", "at the touched point"), (chart.axes[1], "front", "front face")):
+    parts = [part for part in (("touch_point", "at the touched point"), ("front", "front face"), ("all", "all nodes"))
+             if all(row.get(f"{part[0]}_noisy_mm") for row in rows)]
+    chart = Chart(len(parts), 3.4)
+    for axes, (key, title) in zip(chart.axes, parts):
         for row in rows:
             for noise, face in (("noisy", COLOURS.get(row["tier"], "#888888")), ("clean", "none")):
                 error = row.get(f"{key}_{noise}_mm")
@@ -126,20 +128,35 @@ def model(results, file):
 
 
 def registers(results, file):
+    """The deformation depends on the tier; touch and force come from the network, whatever the tier."""
     rows = [row for row in at(results, "scene.shapes") or [] if row["level_95"] > 0]
     if not rows:
         return
-    chart = Chart(1, 4.2)
-    axes, cases = chart.axes[0], list(dict.fromkeys(row["case"] for row in rows))
+    cases = [case for case in at(results, "scene.cases") or [] if case.get("touch_mm") and case.get("contained")]
+    chart = Chart(3 if cases else 1, 4.2)
+    axes, names = chart.axes[0], list(dict.fromkeys(row["case"] for row in rows))
     for row in rows:
         chart.point(axes, row["us"], 100 * row["level_95"], f"{row['tier']}, {row['case']}: {row['us']:.0f} µs, "
                     f"{100 * row['level_95']:.1f} % — scripts/report scene", marker="o", ms=5, alpha=0.8,
                     color=COLOURS.get(row["tier"], "#888888"))
     tiers = list(dict.fromkeys(row["tier"] for row in rows))
-    middle = [(sorted(r["us"] for r in rows if r["tier"] == t)[len(cases) // 2],
-               sorted(100 * r["level_95"] for r in rows if r["tier"] == t)[len(cases) // 2]) for t in tiers]
+    middle = [(sorted(r["us"] for r in rows if r["tier"] == t)[len(names) // 2],
+               sorted(100 * r["level_95"] for r in rows if r["tier"] == t)[len(names) // 2]) for t in tiers]
     axes.plot(*zip(*_front(middle)), color="#999999", lw=1, zorder=0)
     axes.set(xscale="log", yscale="log", xlabel="µs per frame", ylabel="deformation, 95 % of relative errors, %")
+    for axes, what in zip(chart.axes[1:], ("touch", "force")):
+        for place, case in enumerate(reversed(cases)):
+            if what == "touch":
+                values = (("mean", case["touch_mm"], "#1f78b4", "mm"), ("95 %", case["touch_95_mm"], "#d95f02", "mm"))
+            else:
+                values = (("normal, RMSE", case["force_rmse_n"][0], "#1f78b4", "N"),)
+            for name, value, colour, unit in values:
+                chart.point(axes, value, place, f"{case['case']}, {what}, {name}: {value:.2f} {unit} — scripts/report scene",
+                            marker="o", ms=5, color=colour)
+        axes.set_yticks(range(len(cases)), [case["case"] for case in reversed(cases)] if what == "touch" else [""] * len(cases),
+                        fontsize=7)
+        axes.set(xlabel="touch: mean error (blue), 95 % (orange), mm" if what == "touch" else "normal force: RMSE, N")
+        axes.set_xlim(left=0)
     _outside(chart, [_key(tier, marker="s", color=COLOURS.get(tier, "#888888")) for tier in tiers])
     chart.write(file)
 
@@ -155,7 +172,19 @@ def growth(results, file):
     ways = list(dict.fromkeys(row["way"] for row in rows))
     if not ways:
         return
-    chart = Chart(1, 4)
+    operations = [(key, label, colour) for key, label, colour in
+                  (("derivative_operations", "derivatives", "#999999"), ("factor_operations", "factor", "#444444"))
+                  if all(row.get(key) for row in rows if row["way"] == "float")]
+    chart = Chart(2 if operations else 1, 4)
+    for key, label, colour in operations:
+        points = sorted((row["mesh_tets"], row[key] / 1e6) for row in rows if row["way"] == "float")
+        fitted = [point for point in points if point[0] <= 16000]
+        chart.axes[1].plot(*zip(*points), marker="o", color=colour, label=f"{label}, exponent {_slope(fitted):.2f}")
+        for tets, million in points:
+            chart.point(chart.axes[1], tets, million, f"{label}, {tets:,} tetrahedra: {million:.3g} million multiply-adds — scripts/report "
+                        "solver", marker="o", color=colour)
+        chart.axes[1].set(xscale="log", yscale="log", xlabel="tetrahedra", ylabel="multiply-adds of ours, million")
+        chart.axes[1].legend(frameon=False, fontsize=8)
     for way in ways:
         points = sorted((row["mesh_tets"], row["sum_us"] / 1000) for row in rows if row["way"] == way)
         fitted = [point for point in points if point[0] <= 16000]  # as the claim
@@ -184,12 +213,13 @@ def parts(results, file):
         axes.barh(names, each, left=left, color=colour, label="factor and solve" if part == "factor" else part)
         for y, (start, share, row) in enumerate(zip(left, each, rows)):
             if share > 0.08 * max(1000 * r["sum_us"] / r["mesh_tets"] for r in rows):
-                axes.text(start + share / 2, y, f"{row[f'{part}_us']:,.0f} µs", ha="center", va="center", color="white", fontsize=8, zorder=5)
-            floor = _floor_us(part, row, limit)
-            if floor:
-                x = start + 1000 * floor / row["mesh_tets"]
-                axes.plot([x, x], [y - 0.4, y + 0.4], color="black", lw=2, solid_capstyle="butt",
-                          label="the multiply-adds alone, at the core's peak" if y == 0 and part == "factor" else None)
+                axes.text(start + share, y, f"{row[f'{part}_us']:,.0f} µs ", ha="right", va="center", color="white", fontsize=8, zorder=5)
+            for floor, line, meaning in ((_floor_us(part, row, limit), "-", "the multiply-adds alone, at the core's peak"),
+                                         (_traffic_us(part, row, limit), ":", "the factor written and read once, at memory's peak")):
+                if floor:
+                    x = start + 1000 * floor / row["mesh_tets"]
+                    axes.plot([x, x], [y - 0.4, y + 0.4], color="black", ls=line, lw=2, solid_capstyle="butt",
+                              label=meaning if y == 0 and part == "factor" else None)
         left = [a + b for a, b in zip(left, each)]
     axes.set(xlabel="time per tetrahedron, ns", ylabel="tetrahedra")
     _outside(chart, axes.get_legend_handles_labels()[0])
@@ -202,6 +232,13 @@ def _floor_us(part, row, limit):
     if not operations or not limit:
         return None
     return operations / limit["multiply_adds_per_us"]
+
+
+def _traffic_us(part, row, limit):
+    """What memory needs to take the factor and give it back once at its measured peak: below that no factor can be."""
+    if part != "factor" or not row.get("factor_mb") or not limit.get("memory_bytes_per_us"):
+        return None
+    return 2e6 * row["factor_mb"] / limit["memory_bytes_per_us"]
 
 
 def touch_face(results, file):
@@ -266,6 +303,41 @@ def touch_error(results, file):
     chart.write(file)
 
 
+def force_error(results, file):
+    rows = [row for row in at(results, "touch.by_force") or [] if row["touches"]]
+    if not rows:
+        return
+    chart = Chart(1, 3.6)
+    axes, places = chart.axes[0], range(len(rows))
+    for key, label, colour in (("bias_n", "mean error", "#1f78b4"), ("rmse_n", "RMSE", "#d95f02")):
+        axes.plot(places, [row[key] for row in rows], color=colour, label=label)
+        for place, row in zip(places, rows):
+            chart.point(axes, place, row[key], f"from {row['from_n']:g} N, {label}: {row[key]:.3f} N, {row['touches']} touches — "
+                        "scripts/report touch", marker="o", ms=6, color=colour)
+    axes.axhline(0, color="#888888", lw=1)
+    ends = [f"–{after['from_n']:g}" for after in rows[1:]] + [" and more"]
+    axes.set_xticks(list(places), [f"{row['from_n']:g}{end}" for row, end in zip(rows, ends)])
+    axes.set(xlabel="true force, N", ylabel="error of the published force, N")
+    _outside(chart, axes.get_legend_handles_labels()[0])
+    chart.write(file)
+
+
+def contact_forces(results, file):
+    rows = [row for row in at(results, "force.cases") or [] if row.get("lbfgs_curve")]
+    if not rows:
+        return
+    chart = Chart(min(4, len(rows)), 3.2)
+    for axes, row in zip(chart.axes, rows):
+        for key, label, colour, mark in (("gauss_newton_curve", "Gauss-Newton", "#1f78b4", "o"),
+                                         ("lbfgs_curve", "L-BFGS (paper)", "#d95f02", None)):
+            points = [(max(1e-3, second), max(1e-3, objective)) for second, objective in row[key]]
+            axes.plot(*zip(*points), color=colour, marker=mark, ms=3, label=label)
+        axes.set(xscale="log", yscale="log", title=row["touch"], xlabel="processor time, s")
+    chart.axes[0].set_ylabel("half of the misfit")
+    _outside(chart, chart.axes[0].get_legend_handles_labels()[0])
+    chart.write(file)
+
+
 def hard_states(folder, file):
     """The shapes of the worst hard cases in front of the finger at rest, seen from the side and the front."""
     source = folder / "hard_states.json"
@@ -313,6 +385,6 @@ def _draw_surface(axes, faces, nodes, colour, order, displacement=None):
 def draw(results, folder):
     for name, chart in (("speed_numerics", numerics), ("speed_model", model), ("speed_registers", registers), ("growth", growth),
                         ("parts", parts), ("touch_face", touch_face), ("reliability", reliability),
-                        ("touch_error", touch_error)):
+                        ("touch_error", touch_error), ("force_error", force_error), ("contact_forces", contact_forces)):
         chart(results, folder / f"{name}.svg")
     hard_states(folder, folder / "hard_states.svg")

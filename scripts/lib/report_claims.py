@@ -45,12 +45,14 @@ def _worst_r2(results):
 def _worst_attack(results):
     attacks = at(results, "modbus.attack")
     worst = [a["worst_ms"] for a in attacks.values() if isinstance(a, dict) and "worst_ms" in a] if attacks else []
-    return max(worst) if worst else None
+    hostile = at(results, "modbus.hostile_worst_ms")  # the fifth: functions that Modbus libraries sleep on
+    return max(worst + [hostile or 0]) if worst else None
 
 
-def _claim(area, claim, ours, unit, aim, peer=None, peer_is="", less_is_better=True):
+def _claim(area, claim, ours, unit, aim, peer=None, peer_is="", less_is_better=True, rounds=None):
+    """`rounds`: where the rounds of this figure stand, if the aim is as small as their spread; the upper quartile has to meet it."""
     return {"area": area, "claim": claim, "ours": ours, "unit": unit, "aim": aim, "peer": peer, "peer_is": peer_is,
-            "less_is_better": less_is_better}
+            "less_is_better": less_is_better, "rounds": rounds}
 
 
 CLAIMS = [
@@ -61,7 +63,7 @@ CLAIMS = [
     _claim("solver", "… faster than Eigen's sparse LDLT", "solver.ratio_to_eigen", "times", 1, 1, "Eigen 3, in double", False),
     _claim("solver", "… faster than CHOLMOD", "solver.ratio_to_cholmod", "times", 1, 1, "SuiteSparse, in double", False),
     _claim("solver", "Time grows almost as the number of tetrahedra, 1,700 to 16,000: exponent", "solver.growth_exponent", "", 1.15),
-    _claim("hard", "No hard case ends wrong or unflagged", "hard_cases.bad", "cases", 0),
+    _claim("hard", "No hard case ends further from the converged shape than its limit, or inverted without a flag", "hard_cases.bad", "cases", 0),
     _claim("hard", "… nor any motion of the random search (10,000 in full)", "hard_cases.search.bad", "motions", 0),
     _claim("touch", "Touch from 4 mm of plate motion, new points, with noise: mean error", "touch.held_out_noisy.mean_above_4_mm",
            "mm", 2.0),
@@ -77,15 +79,16 @@ CLAIMS = [
     _claim("fit", "… drift of a force over a minute", _percent("fit.after.drift"), "%", 2, _percent("fit.before.drift"),
            "before the fit"),
     _claim("fem", "The training truth agrees with CalculiX", "fem.calculix_max_diff_mm", "mm", 1e-4),
-    _claim("real", "Touch on a real finger's recordings, random split as in the paper: R² of the worst axis", _worst_r2, "", 0.942, 0.942,
+    _claim("real", "Touch on a real finger's recordings by a quarter second of motion, random split as in the paper: R² of the worst axis", _worst_r2, "", 0.942, 0.942,
            "the paper's network, on its own recordings", False),
     _claim("force", "Contact forces from plate motions, one touch", "force.gauss_newton_s", "s", 1.0, "force.lbfgs_s",
            "the paper's L-BFGS, our code"),
-    _claim("vision", "A whole frame, 99 %", "vision.frame_ms_p99", "ms", 16.7),
-    _claim("modbus", "Read of 48 registers, 99 %, alone", "modbus.read_us_p99", "µs", 100),
+    _claim("vision", "A whole frame of 1280×720 pixels, 99 %", "vision.frame_ms_p99", "ms", 16.7),
+    _claim("modbus", "Read of 48 registers, 99 %, on an idle machine", "modbus.read_us_p99", "µs", 100),
     _claim("modbus", "A lawful client's worst answer under five attacks", _worst_attack, "ms", 5),
-    _claim("page", "Three browsers that watch cost the frame loop (99 %)", "page.loop_cost_us", "µs", 30),
-    _claim("fingers", "Two fingers on one machine: a frame of either, 99 %", "fingers.2.p99_ms", "ms", 16.7),
+    _claim("page", "Three browsers that watch cost the frame loop (99 %)", "page.loop_cost_us", "µs", 30,
+           rounds="page.cost_us_by_round"),
+    _claim("fingers", "Two fingers on one machine, 1280×720 pixels at 60 frames/s: a frame of either, 99 %", "fingers.2.p99_ms", "ms", 16.7),
 ]
 
 
@@ -157,6 +160,11 @@ def claims(results):
         if ours is not None:
             row["ours"] = f"{number(float(ours))} {claim['unit']}".strip()
             row["met"] = ours <= claim["aim"] if claim["less_is_better"] else ours >= claim["aim"]
+            rounds = sorted(value_of(results, claim["rounds"]) or [])
+            if len(rounds) > 3:
+                lower, upper = rounds[len(rounds) // 4], rounds[-1 - len(rounds) // 4]
+                row["ours"] += f" (quartiles {number(float(lower))} to {number(float(upper))})"
+                row["met"] = upper <= claim["aim"]
         if peer is not None:
             row["peer"] = f"{number(float(peer))} {claim['unit']}".strip()
             if ours:
@@ -171,21 +179,21 @@ def claims_html(rows):
     for row in rows:
         mark = "" if row["met"] is None else " class=good" if row["met"] else " class=bad"
         short = "" if row["met"] is not False else " – falls short"
-        body += (f"<tr><td>{row['claim']}</td><td>{row['peer_is']}</td><td>{row['peer']}</td><td{mark}>{row['ours']}{short}</td>"
-                 f"<td>{row['aim']}</td><td>{row['ratio']}</td><td class=how><code>{row['command']}</code><br>{row['date']}, "
+        body += (f"<tr><td>{row['claim']}</td><td{mark}>{row['ours']}{short}</td><td>{row['aim']}</td><td>{row['peer_is']}</td>"
+                 f"<td>{row['peer']}</td><td>{row['ratio']}</td><td class=how><code>{row['command']}</code><br>{row['date']}, "
                  f"{row['commit']}</td></tr>\n")
-    return ("<div class=wide><table class=words><thead><tr><th>claim</th><th>beside</th><th>theirs</th><th>ours</th><th>aim</th>"
+    return ("<div class=wide><table class=words><thead><tr><th>claim</th><th>ours</th><th>aim</th><th>beside</th><th>theirs</th>"
             f"<th>ratio</th><th>made again by</th></tr></thead><tbody>\n{body}</tbody></table></div>\n")
 
 
 def claims_markdown(rows):
     """The same for README, without dates and commits, and of what has been measured alone."""
-    text = "| claim | beside | theirs | ours | aim | command |\n|---|---|---|---|---|---|\n"
+    text = "| claim | ours | aim | beside | theirs | ratio | command |\n|---|---|---|---|---|---|---|\n"
     for row in rows:
         if row["met"] is None:
             continue
         ours = f"**{row['ours']} (falls short)**" if row["met"] is False else row["ours"]
-        text += f"| {row['claim']} | {row['peer_is']} | {row['peer']} | {ours} | {row['aim']} | `{row['command']}` |\n"
+        text += f"| {row['claim']} | {ours} | {row['aim']} | {row['peer_is']} | {row['peer']} | {row['ratio']} | `{row['command']}` |\n"
     return text
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import report_charts
 from report_claims import README_FOLDER, README_PLOTS, advice, at, claims, claims_html, number, with_claims
-from report_words import HEADINGS, SECTIONS, WORDS
+from report_words import CELLS, HEADINGS, PEERS, SECTIONS, WORDS
 
 QUIET = 0.1  # processors that other programs had on average while an area was measured
 LONG = 20  # rows from which on a table is folded away, except on paper
@@ -33,7 +33,7 @@ h1{font-size:1.7rem;margin:.2rem 0}h2{margin-top:2.2rem;border-top:1px solid var
 a{color:var(--link)}.dim,caption,.how{color:var(--dim)}.how{font-size:.85rem}
 nav{line-height:2}nav a{display:inline-block;margin-right:.9rem}
 .wide{overflow-x:auto}table{border-collapse:collapse;margin:.7rem 0;font-size:.92rem}
-caption{text-align:left;padding-bottom:.3rem}
+caption{text-align:left;padding-bottom:.3rem;font-size:.95em}
 th,td{padding:.25rem .7rem;border-bottom:1px solid var(--line);text-align:right;font-variant-numeric:tabular-nums;
 vertical-align:top}
 th{font-weight:600;background:var(--card)}th:first-child,td:first-child,.words td,.words th{text-align:left}
@@ -44,7 +44,7 @@ figure svg,figure img{max-width:100%;height:auto;display:block;margin:auto}figca
 th:first-child,td:first-child{position:sticky;left:0;max-width:10rem}td:first-child{background:var(--ground)}
 figure{overflow-x:auto}figure svg{max-width:none;width:48rem}}
 @media print{nav{display:none}body{max-width:none;font-size:11px;color:#000;background:#fff}h2{break-after:avoid}
-tr,figure{break-inside:avoid}.wide{overflow:visible}table,.how{font-size:8.5px}th,td{padding:.1rem .3rem}
+tr,figure{break-inside:avoid}.wide{overflow:visible}table,.how{font-size:8.5px}th,td{padding:.08rem .22rem}
 details:not([open])>summary::after{content:": on the screen only, and in results.json"}}
 """
 
@@ -59,7 +59,7 @@ def shown(key, value):
     if isinstance(value, dict):
         return ", ".join(f"{word(k)} {shown(k, v)}" for k, v in value.items())
     if isinstance(value, str):
-        return html.escape(value)
+        return html.escape(CELLS.get(value, value))
     heading = HEADINGS.get(key, ("", 1))
     if isinstance(heading, tuple) and heading[1] != 1:
         return f"{value * heading[1]:.1f}"
@@ -80,6 +80,7 @@ def word(key):
 
 def table(rows, columns, caption=""):
     """Rows are dictionaries; a column that no row has is left out."""
+    rows = [row for row in rows if row.get("touches") != 0]  # an empty band
     columns = [c for c in columns if any(row.get(c) is not None for row in rows)]
     if not rows or not columns:
         return ""
@@ -151,6 +152,7 @@ def section(key, results, folder):
     for path, columns, caption, order in entry.get("tables", []):
         rows = rows_of(at(results, path) if path else values, entry.get("starts", ()))
         rows = sorted(rows, key=lambda row: -(row.get(order) or 0)) if order else rows
+        rows = rows + PEERS.get(path, []) if rows else rows
         text += table(rows, columns, caption)
     return text + "".join(f"<p class=dim>{note}</p>\n" for note in entry.get("notes", []))
 

@@ -105,8 +105,8 @@ def page(report):
 
 def fingers(report):
     build("finsightd")
-    return {"fingers": report.tool("fingers", BINARIES / "finsightd", report.pack, report.session("640x480"), "--seconds",
-                                   report.choose(3, 20))}
+    session = report.session("1280x720", "--seconds", 6)
+    return {"fingers": report.tool("fingers", BINARIES / "finsightd", report.pack, session, "--seconds", report.choose(3, 20))}
 
 
 def appliance(_):

@@ -54,12 +54,12 @@ TEST_CASE("shape at touch: on points that the pack has not seen, tier contact is
   const Model model = finger().open();
   const FemDataset unseen = unseen_states(finger().spec, finger().mesh, finger().dataset, 23, 2);
   const std::vector<TierAtTouch> tiers = measure_tiers_at_touch(finger().spec, model, unseen, 1);
-  REQUIRE(tiers.size() == 3);
-  const TierAtTouch &map = tiers[0], &newton = tiers[1], &contact = tiers[2];
+  REQUIRE(tiers.size() == 4);
+  const TierAtTouch &map = tiers[0], &corrected = tiers[1], &newton = tiers[2], &contact = tiers[3];
   CHECK(contact.tier == "contact");
   CHECK(contact.contact_map_share > 0.5);
   CHECK(map.contact_map_share == 0);
-  for (const TierAtTouch* other : {&map, &newton}) {
+  for (const TierAtTouch* other : {&map, &corrected, &newton}) {
     CHECK(contact.clean.touch_point_mm < 0.5 * other->clean.touch_point_mm);
     CHECK(contact.noisy.touch_point_mm < other->noisy.touch_point_mm);
     CHECK(contact.clean.front_mm < other->clean.front_mm);

@@ -32,7 +32,7 @@ def results(**changes):
                   "shapes": [{"case": case, "tier": tier, "us": us, "level_95": error * (9 if case == "back" else 1),
                               "level_bias": -0.01, "largest_bias_mm": -0.1, "largest_95_mm": 0.2}
                              for case in ("point", "back") for tier, us, error in TIERS]},
-        "modbus": {"read_us_p99": 58.0, "attack": {"none": {"worst_ms": 0.4}, "mute": {"worst_ms": 3.1}}},
+        "modbus": {"read_us_p99": 58.0, "hostile_worst_ms": 3.1, "attack": {"none": {"worst_ms": 0.4}, "mute": {"worst_ms": 2.9}}},
         "real": {"why": "no recordings"}}
     made_up.update(changes)
     return made_up
@@ -61,8 +61,21 @@ class Page(unittest.TestCase):
         self.assertTrue(rows["… faster than CHOLMOD"]["met"])
         self.assertTrue(rows["A lawful client's worst answer under five attacks"]["met"])
         self.assertEqual(rows["A lawful client's worst answer under five attacks"]["ours"], "3.1 ms")
-        self.assertIsNone(rows["A whole frame, 99 %"]["met"])
+        self.assertIsNone(rows["A whole frame of 1280×720 pixels, 99 %"]["met"])
         self.assertIn("class=bad>73 times – falls short", self.made(results()))
+
+    def test_a_claim_smaller_than_the_spread_of_its_rounds_is_not_met(self):
+        def cost(rounds):
+            figures = results(page={"loop_cost_us": sorted(rounds)[len(rounds) // 2], "cost_us_by_round": rounds})
+            return next(row for row in report_claims.claims(figures) if "browsers" in row["claim"])
+        self.assertTrue(cost([-9.0, 1.0, 5.0, 8.0, 90.0])["met"])
+        self.assertEqual(cost([-90.0, 90.0, 5.0, -80.0, 80.0])["ours"], "5 µs (quartiles -80 to 80)")
+        self.assertFalse(cost([-90.0, 90.0, 5.0, -80.0, 80.0])["met"])
+
+    def test_words_stand_for_keys_in_cells_and_what_others_publish_stands_below_ours(self):
+        page = self.made(results(real={"methods": {"history": {"random": {"r2": [0.9, 0.9, 0.9]}}}}))
+        self.assertIn("<td>a quarter second of motion</td>", page)
+        self.assertIn("<td>the paper&#x27;s network, as published</td><td>0.968 / 0.942 / 0.954</td>", page)
 
     def test_the_advice_follows_the_figures_of_contained_cases(self):
         self.assertIn("<code>contact</code>", report_claims.advice(results())[0])
