@@ -92,8 +92,8 @@ def modbus(report):
     build("finsightd")
     session = report.session("640x480")
     figures = {"attack": report.tool("attack", HOSTGEN, BINARIES / "finsightd", report.pack, session, "--seconds",
-                                     report.choose(2, 15), "--command-seconds", report.choose(3, 30))}
-    figures["soak"] = report.tool("soak", BINARIES / "finsightd", report.pack, session, "--seconds", report.choose(3, 30))
+                                     report.choose(2, 10), "--command-seconds", report.choose(3, 20))}
+    figures["soak"] = report.tool("soak", BINARIES / "finsightd", report.pack, session, "--seconds", report.choose(3, 20))
     return figures
 
 
@@ -120,9 +120,9 @@ def nothing(_):
 
 # Area: what hostgen does not measure by itself, and how many seconds it takes, quick and in full, where nobody has measured.
 AREAS = {
-    "solver": (solver, 25, 230), "hard": (nothing, 25, 450), "fem": (nothing, 2, 40), "touch": (nothing, 15, 150),
+    "solver": (solver, 25, 300), "hard": (nothing, 25, 450), "fem": (nothing, 2, 40), "touch": (nothing, 15, 150),
     "scene": (nothing, 30, 350), "fit": (nothing, 30, 510), "real": (nothing, 20, 310), "force": (nothing, 15, 75),
-    "vision": (nothing, 20, 140), "modbus": (modbus, 30, 150), "page": (page, 30, 155), "fingers": (fingers, 10, 60),
+    "vision": (nothing, 20, 140), "modbus": (modbus, 30, 105), "page": (page, 30, 155), "fingers": (fingers, 10, 60),
     "pictures": (nothing, 25, 255), "appliance": (appliance, 1, 1),
 }
 

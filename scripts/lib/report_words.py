@@ -123,8 +123,8 @@ SECTIONS = {
                 "relative error of the published deformation, by case, and the errors of touch and force, which are the network's and the "
                 "same with every tier. Grey lines join what nothing else beats: in the worst motion (numerics), on average (model), "
                 "at the median over the cases (registers).",
-        "notes": ["newton, the libraries and the published way run on all four meshes; newton in float and double, libraries and "
-                  "published way in double. map and map+newton begin with a regression to one mesh's shapes, so they exist on the "
+        "notes": ["newton, the libraries and the published way run on all four meshes; newton in float, and in double with every schedule "
+                  "on the pack's mesh and up to two factorisations on the others; libraries and published way in double. map and map+newton begin with a regression to one mesh's shapes, so they exist on the "
                   "pack's mesh and in float alone. measures makes no shape: the first plot leaves it out, the table gives the error of "
                   "its three figures, and the third plot shows it. contact is fitted to finite-element shapes instead of the "
                   "converged ones: it is in the second and third plot only. Where the published way ends the line, nothing else runs "
