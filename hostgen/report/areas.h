@@ -50,7 +50,7 @@ nlohmann::json measure_touch(const nlohmann::json& built, const Model& model, co
                              const FemDataset* dataset, bool quick);
 
 /// The pack's touches in every case that a gripper brings (scene_cases.h): share published, errors, coverage, what is
-/// unexplained; and what plate motions can tell at best. Plots scene_faces.svg and scene_reliability.svg into `folder`.
+/// unexplained; and what plate motions can tell at best. Plots scene_faces.svg into `folder`.
 /// `quick`: a fifth of the states.
 nlohmann::json measure_scenes(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
                               bool quick);

@@ -196,6 +196,7 @@ struct Summary {
                 {"touch_95_mm", quantile(errors_mm, 0.95)},
                 {"inside_radius", curve[9]},
                 {"inside_twice", curve[19]},
+                {"inside_curve", curve},
                 {"force_rmse_n", three(wrench_rmse, 0)},
                 {"force_inside", three(wrench_inside, 0)},
                 {"force_told", three(wrench_told, 0)},
@@ -253,34 +254,6 @@ void plot_faces(const std::vector<CaseResult>& results, const FingerSpec& spec, 
   plot.finish();
 }
 
-void plot_reliability(const std::vector<CaseResult>& results, const std::string& scene,
-                      const std::filesystem::path& file) {
-  Gnuplot plot(file);
-  std::string curves;
-  int index = 0;
-  for (const CaseResult& result : results) {
-    if (!result.scene_case.is_contained_in(scene) || result.summary.published == 0) continue;
-    const std::string name = "$case" + std::to_string(index++);
-    plot.line(name + " << E\n0 0");
-    for (int k = 0; k < kCurveSteps; ++k) {
-      plot.line(std::to_string(0.1 * (k + 1)) + " " +
-                std::to_string(result.summary.curve[static_cast<std::size_t>(k)]));
-    }
-    plot.line("E");
-    constexpr int kColours = 8;  // of gnuplot; each of them solid first, then dashed
-    const std::string style =
-        " lt " + std::to_string((index - 1) % kColours + 1) + " dt " + std::to_string((index - 1) / kColours + 1);
-    curves += (curves.empty() ? "plot " : ", ") + name + " with lines lw 1.5" + style + " title \"" +
-              result.scene_case.name + "\"";
-  }
-  if (curves.empty()) return;
-  plot.line("$aim << E\n1 0.68\n2 0.95\nE");
-  plot.line("set xlabel 'radius, in published radii'; set ylabel 'share of errors inside'; set grid; set yrange [0:1]");
-  plot.line("set key outside right font ',9'");
-  plot.line(curves + ", $aim using 1:2:(0.03) with yerrorbars pt 1 lc 'black' title 'aim'");
-  plot.finish();
-}
-
 json floor_json(const FingerSpec& spec, bool quick) {
   json rows = json::array();
   for (const InformationLimit& limit : information_limits(spec, quick ? 3 : 30)) {
@@ -322,7 +295,6 @@ json measure_scenes(const Model& model, const FingerSpec& spec, const std::files
     progress.advance();
   }
   plot_faces(results, spec, folder / "scene_faces.svg");
-  plot_reliability(results, model.scene, folder / "scene_reliability.svg");
   return {{"scene",
            {{"name", model.scene},
             {"cases", rows},

@@ -285,6 +285,28 @@ def reliability(results, file):
     chart.write(file)
 
 
+def scene_reliability(results, file):
+    """The cases of the pack's scene whose radius is furthest off, by name; the others in grey."""
+    rows = [row for row in at(results, "scene.cases") or [] if row.get("contained") and row.get("inside_curve")]
+    if not rows:
+        return
+    chart, named = Chart(1, 4.2), 6
+    axes = chart.axes[0]
+    rows.sort(key=lambda row: -abs(row["inside_radius"] - 0.68))
+    for k, row in reversed(list(enumerate(rows))):
+        points = [0.0] + [100 * share for share in row["inside_curve"]]
+        radii = [step / 10 for step in range(len(points))]
+        style = {"lw": 1.8, "label": row["case"]} if k < named else {"color": "#b8bec6", "lw": 1}
+        axes.plot(radii, points, **style)
+    axes.plot([], [], color="#b8bec6", lw=1, label=f"the other {len(rows) - named}" if len(rows) > named else None)
+    for radius, share in ((1, 68), (2, 95)):
+        chart.point(axes, radius, share, f"promised: {share} % inside {radius} published radii", marker="o", ms=7, color="black",
+                    markerfacecolor="none")
+    axes.set(xlabel="radius, in published radii", ylabel="errors inside, %", xlim=(0, radii[-1]), ylim=(0, 101))
+    _outside(chart, axes.get_legend_handles_labels()[0])
+    chart.write(file)
+
+
 def touch_error(results, file):
     rows = at(results, "touch.by_plate_motion") or []
     if not rows:
@@ -385,6 +407,6 @@ def _draw_surface(axes, faces, nodes, colour, order, displacement=None):
 def draw(results, folder):
     for name, chart in (("speed_numerics", numerics), ("speed_model", model), ("speed_registers", registers), ("growth", growth),
                         ("parts", parts), ("touch_face", touch_face), ("reliability", reliability),
-                        ("touch_error", touch_error), ("force_error", force_error), ("contact_forces", contact_forces)):
+                        ("scene_reliability", scene_reliability), ("touch_error", touch_error), ("force_error", force_error), ("contact_forces", contact_forces)):
         chart(results, folder / f"{name}.svg")
     hard_states(folder, folder / "hard_states.svg")

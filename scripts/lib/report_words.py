@@ -127,8 +127,7 @@ SECTIONS = {
                   "on the pack's mesh and up to two factorisations on the others; libraries and published way in double. map and map+newton begin with a regression to one mesh's shapes, so they exist on the "
                   "pack's mesh and in float alone. measures makes no shape: the first plot leaves it out, the table gives the error of "
                   "its three figures, and the third plot shows it. contact is fitted to finite-element shapes instead of the "
-                  "converged ones: it is in the second and third plot only. Where the published way ends the line, nothing else runs "
-                  "on until it has converged.",
+                  "converged ones: it is in the second and third plot only.",
                   "newton in float on the pack's mesh is timed as the frame loop runs it, with its second tries where a step fails; "
                   "elsewhere the solver alone. For Eigen, CHOLMOD and the published way one iteration is timed and multiplied by "
                   "the number that a frame takes: Eigen and CHOLMOD are taken to make our steps in double, second tries left out."],
@@ -216,7 +215,8 @@ SECTIONS = {
         "notes": ["Pushed at the tip from above no plate moves by 2 mm: there is no touch to count."],
         "pictures": [("scene_faces.svg", "True and published touches over the face, by case; axes in mm; red: off by more than three radii; "
                                          "grey circles: not published."),
-                     ("scene_reliability.svg", "Share of errors inside the published radius, by case of the pack's scene.")],
+                     ("scene_reliability.svg", "Share of errors inside the published radius, by case of the pack's scene; named are the "
+                                               "six that are furthest from 68 %.")],
         "tables": [("scene.cases", ["case", "contained", "trials", "published", "unexplained", "touch_mm", "touch_95_mm",
                                     "inside_radius", "inside_twice", "lies", "force_rmse_n", "force_told", "force_inside",
                                     "moment_rmse_nm", "moment_inside"], "", ""),

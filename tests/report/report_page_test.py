@@ -159,6 +159,16 @@ class Page(unittest.TestCase):
         self.assertIn("<title>from 4 mm, 95 % are smaller: 4.50 mm, 5 touches — scripts/report touch</title>", page)
         self.assertIn("<td>noise</td><td>3</td>", page)
 
+    def test_the_cases_whose_radius_is_furthest_off_are_named(self):
+        cases = [{"case": f"case {k}", "contained": True, "inside_radius": 0.68 - 0.02 * k, "inside_curve": [0.05 * j for j in range(20)]}
+                 for k in range(9)]
+        page = self.made(results(scene=results()["scene"] | {"cases": cases}))
+        chart = (self.path / "scene_reliability.svg").read_text()
+        self.assertIn(">case 8<", chart)
+        self.assertNotIn(">case 2<", chart)
+        self.assertIn(">the other 3<", chart)
+        self.assertIn("promised: 68 % inside 1 published radii", page)
+
     def test_objects_in_rows_become_columns(self):
         rows = report_page.rows_of({"mlp": {"r2": [1], "held_out_noisy": {"r2": [2]}}, "why": "text"})
         self.assertEqual(rows[0]["method"], "mlp")
