@@ -167,32 +167,34 @@ def _slope(points):
     return sum((a - mx) * (b - my) for a, b in zip(x, y)) / sum((a - mx) ** 2 for a in x)
 
 
+def _grown(chart, axes, points, label, unit, colour):
+    """A line over the tetrahedra, with its exponent up to 16,000, as the claim has it."""
+    points = sorted(points)
+    fitted = [point for point in points if point[0] <= 16000]
+    exponent = f", exponent {_slope(fitted):.2f}" if len(fitted) > 1 else ""
+    axes.plot(*zip(*points), marker="o", color=colour, label=label + exponent)
+    for tets, value in points:
+        chart.point(axes, tets, value, f"{label}, {tets:,} tetrahedra: {value:.3g} {unit} — scripts/report solver", marker="o",
+                    color=colour)
+
+
 def growth(results, file):
     rows = at(results, "solver.iterations") or []
     ways = list(dict.fromkeys(row["way"] for row in rows))
     if not ways:
         return
+    ours = [row for row in rows if row["way"] == "float"]
     operations = [(key, label, colour) for key, label, colour in
                   (("derivative_operations", "derivatives", "#999999"), ("factor_operations", "factor", "#444444"))
-                  if all(row.get(key) for row in rows if row["way"] == "float")]
+                  if all(row.get(key) for row in ours)]
     chart = Chart(2 if operations else 1, 4)
     for key, label, colour in operations:
-        points = sorted((row["mesh_tets"], row[key] / 1e6) for row in rows if row["way"] == "float")
-        fitted = [point for point in points if point[0] <= 16000]
-        chart.axes[1].plot(*zip(*points), marker="o", color=colour, label=f"{label}, exponent {_slope(fitted):.2f}")
-        for tets, million in points:
-            chart.point(chart.axes[1], tets, million, f"{label}, {tets:,} tetrahedra: {million:.3g} million multiply-adds — scripts/report "
-                        "solver", marker="o", color=colour)
+        _grown(chart, chart.axes[1], [(row["mesh_tets"], row[key] / 1e6) for row in ours], label, "million multiply-adds", colour)
         chart.axes[1].set(xscale="log", yscale="log", xlabel="tetrahedra", ylabel="multiply-adds of ours, million")
         chart.axes[1].legend(frameon=False, fontsize=8)
     for way in ways:
-        points = sorted((row["mesh_tets"], row["sum_us"] / 1000) for row in rows if row["way"] == way)
-        fitted = [point for point in points if point[0] <= 16000]  # as the claim
-        exponent = f", exponent {_slope(fitted):.2f}" if len(fitted) > 1 else ""
-        chart.axes[0].plot(*zip(*points), marker="o", color=COLOURS.get(way), label=METHODS.get(way, way) + exponent)
-        for tets, ms in points:
-            chart.point(chart.axes[0], tets, ms, f"{METHODS.get(way, way)}, {tets:,} tetrahedra: {ms:.3g} ms — scripts/report solver",
-                        marker="o", color=COLOURS.get(way))
+        points = [(row["mesh_tets"], row["sum_us"] / 1000) for row in rows if row["way"] == way]
+        _grown(chart, chart.axes[0], points, METHODS.get(way, way), "ms", COLOURS.get(way))
     chart.axes[0].set(xscale="log", yscale="log", xlabel="tetrahedra", ylabel="one Newton iteration, ms")
     _outside(chart, chart.axes[0].get_legend_handles_labels()[0])
     chart.write(file)
@@ -264,6 +266,16 @@ def touch_face(results, file):
     chart.write(file)
 
 
+def _promised(chart, axes, largest_radius, file):
+    """Writes a chart of coverage against the radius, with what a published radius promises."""
+    for radius, share in ((1, 68), (2, 95)):
+        chart.point(axes, radius, share, f"promised: {share} % inside {radius} published radii", marker="o", ms=7, color="black",
+                    markerfacecolor="none")
+    axes.set(xlabel="radius, in published radii", ylabel="errors inside, %", xlim=(0, largest_radius), ylim=(0, 101))
+    _outside(chart, axes.get_legend_handles_labels()[0])
+    chart.write(file)
+
+
 def reliability(results, file):
     rows = [row for row in at(results, "touch.reliability") or [] if row["touches"] >= 20]
     if not rows:
@@ -277,12 +289,7 @@ def reliability(results, file):
     curve = at(results, "touch.coverage_curve") or []
     axes.plot([(k + 1) / 10 for k in range(len(curve))], [100 * share for share in curve], ":", color="#555555",
               label="all, points held out at the build")
-    for radius, share in ((1, 68), (2, 95)):
-        chart.point(axes, radius, share, f"promised: {share} % inside {radius} published radii", marker="o", ms=7, color="black",
-                    markerfacecolor="none")
-    axes.set(xlabel="radius, in published radii", ylabel="errors inside, %", xlim=(0, radii[-1]), ylim=(0, 101))
-    _outside(chart, axes.get_legend_handles_labels()[0])
-    chart.write(file)
+    _promised(chart, axes, radii[-1], file)
 
 
 def scene_reliability(results, file):
@@ -299,49 +306,38 @@ def scene_reliability(results, file):
         style = {"lw": 1.8, "label": row["case"]} if k < named else {"color": "#b8bec6", "lw": 1}
         axes.plot(radii, points, **style)
     axes.plot([], [], color="#b8bec6", lw=1, label=f"the other {len(rows) - named}" if len(rows) > named else None)
-    for radius, share in ((1, 68), (2, 95)):
-        chart.point(axes, radius, share, f"promised: {share} % inside {radius} published radii", marker="o", ms=7, color="black",
-                    markerfacecolor="none")
-    axes.set(xlabel="radius, in published radii", ylabel="errors inside, %", xlim=(0, radii[-1]), ylim=(0, 101))
+    _promised(chart, axes, radii[-1], file)
+
+
+def _by_band(rows, unit, decimals, lines, file, **axes_are):
+    """Errors by band of a quantity: `lines` of key, label and colour over the places of the bands, which begin at from_mm or from_n."""
+    if not rows:
+        return
+    chart = Chart(1, 3.6)
+    axes, places, starts = chart.axes[0], range(len(rows)), [f"{row[f'from_{unit.lower()}']:g}" for row in rows]
+    for key, label, colour in lines:
+        axes.plot(places, [row[key] for row in rows], color=colour, label=label)
+        for place, (row, start) in enumerate(zip(rows, starts)):
+            chart.point(axes, place, row[key], f"from {start} {unit}, {label}: {row[key]:.{decimals}f} {unit}, {row['touches']} touches — "
+                        "scripts/report touch", marker="o", ms=6, color=colour)
+    axes.set_xticks(list(places), [f"{start}{end}" for start, end in zip(starts, [f"–{after}" for after in starts[1:]] + [" and more"])])
+    axes.set(**axes_are)
+    if axes.get_yscale() == "linear":
+        axes.axhline(0, color="#888888", lw=1)
     _outside(chart, axes.get_legend_handles_labels()[0])
     chart.write(file)
 
 
 def touch_error(results, file):
-    rows = at(results, "touch.by_plate_motion") or []
-    if not rows:
-        return
-    chart = Chart(1, 3.6)
-    axes, places = chart.axes[0], range(len(rows))
-    for key, label, colour in (("mean_mm", "mean", "#1f78b4"), ("error_95_mm", "95 % are smaller", "#d95f02")):
-        axes.plot(places, [row[key] for row in rows], color=colour, label=label)
-        for place, row in zip(places, rows):
-            chart.point(axes, place, row[key], f"from {row['from_mm']:g} mm, {label}: {row[key]:.2f} mm, {row['touches']} touches — "
-                        "scripts/report touch", marker="o", ms=6, color=colour)
-    ends = [f"–{after['from_mm']:g}" for after in rows[1:]] + [" and more"]
-    axes.set_xticks(list(places), [f"{row['from_mm']:g}{end}" for row, end in zip(rows, ends)])
-    axes.set(yscale="log", xlabel="plate motion, mm", ylabel="error of the touched point, mm")
-    _outside(chart, axes.get_legend_handles_labels()[0])
-    chart.write(file)
+    _by_band(at(results, "touch.by_plate_motion") or [], "mm", 2,
+             (("mean_mm", "mean", "#1f78b4"), ("error_95_mm", "95 % are smaller", "#d95f02")), file,
+             yscale="log", xlabel="plate motion, mm", ylabel="error of the touched point, mm")
 
 
 def force_error(results, file):
-    rows = [row for row in at(results, "touch.by_force") or [] if row["touches"]]
-    if not rows:
-        return
-    chart = Chart(1, 3.6)
-    axes, places = chart.axes[0], range(len(rows))
-    for key, label, colour in (("bias_n", "mean error", "#1f78b4"), ("rmse_n", "RMSE", "#d95f02")):
-        axes.plot(places, [row[key] for row in rows], color=colour, label=label)
-        for place, row in zip(places, rows):
-            chart.point(axes, place, row[key], f"from {row['from_n']:g} N, {label}: {row[key]:.3f} N, {row['touches']} touches — "
-                        "scripts/report touch", marker="o", ms=6, color=colour)
-    axes.axhline(0, color="#888888", lw=1)
-    ends = [f"–{after['from_n']:g}" for after in rows[1:]] + [" and more"]
-    axes.set_xticks(list(places), [f"{row['from_n']:g}{end}" for row, end in zip(rows, ends)])
-    axes.set(xlabel="true force, N", ylabel="error of the published force, N")
-    _outside(chart, axes.get_legend_handles_labels()[0])
-    chart.write(file)
+    _by_band([row for row in at(results, "touch.by_force") or [] if row["touches"]], "N", 3,
+             (("bias_n", "mean error", "#1f78b4"), ("rmse_n", "RMSE", "#d95f02")), file,
+             xlabel="true force, N", ylabel="error of the published force, N")
 
 
 def contact_forces(results, file):
