@@ -1,4 +1,5 @@
 """Starts finsightd with a board file of its own and stops it again. For the soak run and the system tests."""
+import random
 import signal
 import socket
 import subprocess
@@ -7,10 +8,17 @@ import tempfile
 from pathlib import Path
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def free_port(count=1):
+    """The first of `count` free ports in a row, below those that the system gives to outgoing connections: these come and go."""
+    while True:
+        first = random.randrange(20000, 32000)
+        try:
+            for port in range(first, first + count):
+                with socket.socket() as probe:
+                    probe.bind(("127.0.0.1", port))
+            return first
+        except OSError:
+            pass
 
 
 def session_source(path, speed="recorded", repeat="true"):

@@ -362,13 +362,11 @@ class Mending(unittest.TestCase):
             def stop(lens):
                 device.firmware.kill()
                 device.firmware.wait(10)
-                device.firmware.stderr.close()
                 (measured / "lens.toml").write_text(lens)
                 refused = subprocess.run([BINARIES / "finsightd", "--settings", device.settings, "--check"], capture_output=True, timeout=60)
                 self.assertEqual(refused.returncode, 2)
                 device.page.kill()  # it, too, must start
                 device.page.wait(10)
-                device.page.stderr.close()
                 device.start_page()
 
             def mended(path, body):
@@ -565,7 +563,6 @@ class Misuse(unittest.TestCase):
             self.device.wait(lambda: reader.read().has("ready"), f"measurement after {what}")
         reader.close()
         self.device.page.wait(10)
-        self.device.page.stderr.close()
         self.device.start_page()
         self.device.wait(lambda: self.device.get("/api/about")[0] == 200, "page after its restart")
 
@@ -603,7 +600,6 @@ class Misuse(unittest.TestCase):
                 if turn == 3:
                     device.page.kill()
                     device.page.wait(10)
-                    device.page.stderr.close()
                 flooded.append(median_latency())
                 stop.set()
                 for thread in threads:
@@ -616,7 +612,6 @@ class Misuse(unittest.TestCase):
     def test_the_page_says_so_when_the_measuring_program_is_gone_and_finds_it_again(self):
         self.device.firmware.send_signal(signal.SIGKILL)
         self.device.firmware.wait(10)
-        self.device.firmware.stderr.close()
         self.assertIn("does not answer", self.device.wait(lambda: self.device.get("/api/state")[1].get("error"), "error"))
         for path in ("/api/state", "/metrics"):
             status, _, body = self.device.request("GET", path)

@@ -349,7 +349,6 @@ class Page(unittest.TestCase):
         browser.click("Measure")
         self.said(browser, "#toasts", "The device does not answer.")
         self.assertNotIn("corners fit to", browser.text())
-        device.page.stderr.close()
         device.start_page()
         browser.click("Measure")
         browser.unlock()

@@ -25,7 +25,7 @@ class Device:
 
     def __init__(self, path=SESSION, more="", page_prefix=(), fingers=""):
         self.folder = tempfile.TemporaryDirectory()
-        self.port, self.page_port = free_port(), free_port()
+        self.port, self.page_port = free_port(), free_port(8)  # every finger's page has a port of its own
         self.settings = Path(self.folder.name) / "board.toml"
         one = "" if fingers else f'pack = "{PACK}"\n[source]\n{session_source(path=path)}\n'
         self.settings.write_text(
@@ -36,9 +36,13 @@ class Device:
         self.page_prefix = page_prefix
 
     def __enter__(self):
-        self.start_firmware()
-        self.start_page()
-        self.wait(lambda: self.get("/api/state")[1].get("status"), "a state")
+        try:
+            self.start_firmware()
+            self.start_page()
+            self.wait(lambda: self.get("/api/state")[1].get("status"), "a state")
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_):
@@ -47,8 +51,11 @@ class Device:
                 process.send_signal(signal.SIGTERM)
         for process in (self.page, self.firmware):
             if process:
-                process.wait(20)
-                process.stderr.close()
+                try:
+                    process.wait(20)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    raise
         self.folder.cleanup()
 
     def start_firmware(self):
@@ -58,11 +65,19 @@ class Device:
         self.page = self.start("finsight-page", "http://", self.page_prefix)
 
     def start(self, program, ready, prefix=()):
-        process = subprocess.Popen([*prefix, BINARIES / program, "--settings", self.settings], stderr=subprocess.PIPE, text=True)
-        for line in process.stderr:
-            if ready in line:
-                break
+        """What it says goes into a file: a pipe that nobody reads stops the program once it is full."""
+        with open(self.log(program), "w") as log:
+            process = subprocess.Popen([*prefix, BINARIES / program, "--settings", self.settings], stderr=log)
+        until = time.monotonic() + 40
+        while ready not in self.log(program).read_text():
+            if process.poll() is not None or time.monotonic() > until:
+                process.kill()
+                raise AssertionError(f"{program} is not ready (code {process.wait()}):\n{self.log(program).read_text()}")
+            time.sleep(0.02)
         return process
+
+    def log(self, program):
+        return Path(self.folder.name) / f"{program}.log"
 
     @property
     def url(self):
@@ -104,7 +119,8 @@ class Device:
                     return found
             except (OSError, http.client.HTTPException, ValueError):
                 pass
-            assert time.monotonic() < deadline, f"no {what} within {seconds} s"
+            assert time.monotonic() < deadline, f"no {what} within {seconds} s; " + "".join(
+                f"{program}: {self.log(program).read_text()[-2000:]}" for program in ("finsightd", "finsight-page"))
             time.sleep(0.1)
 
     def order(self, command, token):
