@@ -60,7 +60,7 @@ nlohmann::json measure_scenes(const Model& model, const FingerSpec& spec, const 
 /// the same with one part of the fit left out each. Plots fit.svg into `folder`.
 nlohmann::json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
                             int fingers, int places, std::uint64_t first);
-/// The fingers of the report: 50, with 16 places each; `quick`: 2, with 6.
+/// The fingers of the report: 50, with 12 places each; `quick`: 2, with 6.
 nlohmann::json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder,
                             bool quick);
 

@@ -309,7 +309,7 @@ json measure_fits(const Model& model, const FingerSpec& spec, const std::filesys
 }
 
 json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
-  return measure_fits(model, spec, folder, quick ? 2 : 50, quick ? 6 : 16, kFirstFinger);
+  return measure_fits(model, spec, folder, quick ? 2 : 50, quick ? 6 : 12, kFirstFinger);
 }
 
 }  // namespace finsight::host
