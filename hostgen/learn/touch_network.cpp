@@ -1,5 +1,6 @@
 #include "hostgen/learn/touch_network.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -101,6 +102,21 @@ TouchModelData fit_normalisation(Measurements& measurements) {
   return model;
 }
 
+/// [TouchModel::kInputs, kInputs] Makes the pose numbers uncorrelated and of equal size; leaves the other inputs alone.
+/// A touch moves the plates mostly in few directions, and what tells friction from position is small beside them:
+/// training on the numbers as they are takes about twice as many steps to the same error. `inputs`: [kInputs, samples].
+Eigen::MatrixXf whitening(const Eigen::MatrixXf& inputs) {
+  constexpr double kSmallestVariance = 1e-6;  // of the normalised numbers: at rest all of them may be the same
+  const Eigen::MatrixXd poses = inputs.topRows<kPoseDims>().cast<double>();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> spread(poses * poses.transpose() /
+                                                              static_cast<double>(poses.cols()));
+  const Eigen::VectorXd factors = spread.eigenvalues().cwiseMax(kSmallestVariance).cwiseSqrt().cwiseInverse();
+  Eigen::MatrixXf white = Eigen::MatrixXf::Identity(inputs.rows(), inputs.rows());
+  white.topLeftCorner<kPoseDims, kPoseDims>() =
+      (factors.asDiagonal() * spread.eigenvectors().transpose()).cast<float>();
+  return white;
+}
+
 }  // namespace
 
 TouchModel TouchModelData::view() const {
@@ -173,19 +189,22 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
   const Eigen::Map<const Eigen::ArrayXf> mean(model.output_mean.data(), kMeans),
       scale(model.output_scale.data(), kMeans);
 
+  trained.sample_inputs.resize(TouchModel::kInputs, kDraws);
+  Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kTouchTargets, kDraws), gradient;
+  measurements.draw(view, trained.sample_inputs, targets);
+  const Eigen::MatrixXf white = whitening(trained.sample_inputs);
+  targets.resize(kTouchTargets, plan.batch);
   Adam adam(trained.network);
-  Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kTouchTargets, plan.batch), gradient;
   for (int step = 0; step < plan.steps; ++step) {
     measurements.draw(view, inputs, targets);
     targets.topRows<kMeans>() = ((targets.topRows<kMeans>().array().colwise() - mean).colwise() / scale).matrix();
-    touch_loss_gradient(trained.network.forward(inputs), targets, step >= plan.steps / 5, gradient);
+    touch_loss_gradient(trained.network.forward(white * inputs), targets, step >= plan.steps / 5, gradient);
     trained.network.backward(gradient);
     adam.step(trained.network, cosine_rate(kPeakRate, step, plan.steps));
     tick();
   }
-  trained.sample_inputs.resize(TouchModel::kInputs, kDraws);
-  targets.resize(kTouchTargets, kDraws);
-  measurements.draw(view, trained.sample_inputs, targets);
+  Eigen::MatrixXf& first = trained.network.layers().front().weights;
+  first = (first * white).eval();  // the firmware's inputs are not white
   return trained;
 }
 
