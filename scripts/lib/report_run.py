@@ -3,7 +3,8 @@
 Measures and writes build/report/results.json, plots and index.html.
   AREA      what to measure, all when none is named; what is left out keeps its figures and their date:
             {areas}
-  --quick   with the demo's model (quick profile), shorter motions: about 4 minutes on idle cores once scripts/demo has run
+  --quick   with the demo's model (quick profile), shorter motions: 3.6 minutes on idle cores once scripts/demo has run; the
+            first time two more, for its benchmarks to be compiled
   --resume  leave out what has been measured at this commit and as thoroughly: to go on after an interruption
   --readme  also renew the claims and the plots in README.md; those of areas that were never measured here stay as they are
 Area real needs FINSIGHT_DATA, a folder with touch-recordings/recordings.csv (hostgen import-recordings makes it); area
