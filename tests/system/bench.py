@@ -2,7 +2,6 @@
 import os
 import re
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import machine
 from machine import Machine
 
 SOURCE = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(SOURCE / "scripts" / "lib"))
 WORK = Path(os.environ.get("FINSIGHT_BOOT_WORK", SOURCE / "build" / "image" / "test"))
 # What the image shows, and with which model: taken out of it.
 CONTENT = WORK / "content"

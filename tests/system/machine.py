@@ -14,6 +14,9 @@ import sys
 import time
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts" / "lib"))
+from firmware_process import free_port  # noqa: E402
+
 FIRMWARE = "/usr/share/AAVMF/AAVMF_CODE.fd"
 READY = 1  # bit of register 0
 TEST_CONSTANT = 0x1234  # register 39
@@ -35,12 +38,6 @@ SHELL_WANT = "[Unit]\nWants=test-shell.service\n"
 
 def credential(name, text):
     return f"io.systemd.credential.binary:{name}=" + base64.b64encode(text.encode()).decode()
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def read_registers(port, count=48, timeout=3, address=0):
