@@ -23,6 +23,7 @@ TEST_CONSTANT = 0x1234  # register 39
 NOMINAL_START_S = 45  # power to the first answer, on an idle workstation with two cores
 TWO_CORES = ("-smp", "2", "-accel", "tcg,thread=multi")
 COUNTING = ("-smp", "1", "-accel", "tcg,thread=single", "-icount", "shift=0,sleep=off")  # a nanosecond for each instruction
+# The shell outlives what it ran when memory was out: systemd would stop the whole unit, and lose what the shell is told next.
 SHELL_UNIT = """[Unit]
 DefaultDependencies=no
 [Service]
@@ -32,6 +33,7 @@ StandardOutput=inherit
 StandardError=inherit
 TTYPath=/dev/hvc0
 Restart=always
+OOMPolicy=continue
 """
 SHELL_WANT = "[Unit]\nWants=test-shell.service\n"
 
