@@ -6,28 +6,11 @@
 
 #include "firmware/vision/plate_estimator.h"
 #include "hostgen/fem/statics.h"
+#include "hostgen/fit/pressed_place.h"
 #include "hostgen/fit/touch_reading.h"
 #include "hostgen/render/virtual_finger.h"
 
 namespace finsight::host {
-
-/// How a place of a finger answers to a normal force: finite-element states of that finger, and what lies between them.
-class PressedPlace {
- public:
-  /// Solves for up to `levels` forces, evenly spaced up to `highest_n` of a finger of the spec's own Young's modulus.
-  /// Those that are no equilibrium are left out.
-  PressedPlace(FingerStatics& statics, const Vec3f& point_mm, double highest_n, int levels);
-
-  const Vec3f& point_mm() const { return point_mm_; }
-  /// 0: the place gives way under any force.
-  double highest_n() const { return force_n_.empty() ? 0 : force_n_.back(); }
-  std::array<PlateMotion, kPlates> plates(double force_n) const;
-
- private:
-  Vec3f point_mm_;
-  std::vector<double> force_n_;
-  std::vector<PoseVectorOf<double>> per_newton_;  ///< plate motion over force
-};
 
 /// Devices with different settings that see the same finger through the same camera and take it for one of their pack.
 /// At the start the mount is measured and the finger zeroed, as whoever mounts it does.

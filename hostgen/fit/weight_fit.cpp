@@ -21,10 +21,10 @@ using Terms = Eigen::Matrix<double, kTerms, 1>;
 // with `hostgen report ... fit` on fingers that its figures do not count.
 const Terms kAcrossPrior_mm(0.3, 0.5, 0.2, 0.2);
 const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
-constexpr double kAcrossRest_mm = 0.45, kAlongRest_mm = 0.9;
+constexpr double kAcrossRest_mm = 0.45, kAlongRest_mm = 0.75;
 // Of the force, relative, beside the pack's tolerance in the middle of the face; and what remains.
 const Eigen::Vector3d kForceSlopePrior(0.05, 0.12, 0.08);
-constexpr double kForceRest = 0.04;
+constexpr double kForceRest = 0.03;
 constexpr double kUnknownCreep = 0.06;      // relative deviation of forces of unknown age
 constexpr double kHysteresis = 0.02;        // relative deviation of forces that grew or fell before
 constexpr float kUsualHysteresis = 0.065F;  // of polyurethane: widest gap, of the full force
@@ -197,6 +197,14 @@ void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
   }
 }
 
+// The jig numbers its holes from 1.
+void ask_pack(const FitBasis& basis, std::vector<WeightHold>& holds) {
+  if (basis.pack_errors.empty()) return;
+  for (WeightHold& hold : holds) {
+    hold.pack_error = pack_error_at(basis.pack_errors[static_cast<std::size_t>(hold.hole - 1)], hold.pack_force_n);
+  }
+}
+
 /// Of a quantity over the face.
 struct Polynomial {
   Terms mean = Terms::Zero();
@@ -244,7 +252,7 @@ void fit_offsets(const FitBasis& basis, WeightFit& fit) {
   const std::vector<Terms> terms = terms_of(fit);
   std::vector<double> across, along;
   for (const WeightHold& hold : fit.holds) {
-    const Vec3f off_mm = hold.point_mm - hold.truth_mm;
+    const Vec3f off_mm = hold.point_mm - hold.truth_mm - hold.pack_error.touch_mm;
     across.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(1))));
     along.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(2))));
   }
@@ -266,7 +274,9 @@ void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightF
   Terms prior;
   prior << static_cast<double>(basis.force_tolerance), kForceSlopePrior;
   std::vector<double> scale;
-  for (const WeightHold& hold : fit.holds) scale.push_back(std::log(elastic_n(fit, hold) / hold.pack_force_n));
+  for (const WeightHold& hold : fit.holds) {
+    scale.push_back(std::log(elastic_n(fit, hold) / hold.pack_force_n) - hold.pack_error.log_force);
+  }
   const Polynomial found = polynomial(prior, kForceRest, terms_of(fit), scale);
   fit.values.force_scale = static_cast<float>(std::exp(found.mean[0]));
   fit.values.force_scale_sigma = static_cast<float>(std::sqrt(found.covariance(0, 0)));
@@ -311,6 +321,7 @@ void note_untold(const FitBasis& basis, const std::optional<Creep>& creep, Weigh
 FitBasis fit_basis(const FingerSpec& spec, const Model& model) {
   FitBasis basis;
   basis.holes = jig_holes(spec);
+  basis.pack_errors = pack_errors(spec, model, basis.holes);
   basis.model_checksum = model.checksum;
   basis.face_axes = Eigen::Map<const Eigen::Matrix3f>(model.touch.face_axes.data());
   const double middle_mm = (spec.touch_y_mm[0] + spec.touch_y_mm[1]) / 2;
@@ -341,6 +352,7 @@ WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& re
   }
   for (std::size_t i = 0; i < records.size(); ++i) fit.holds[i].pack_force_n = without_creep(series[i], creep);
   check_holds(basis, fit.holds);
+  ask_pack(basis, fit.holds);
   fit_offsets(basis, fit);
   fit_force(basis, creep, fit);
   note_errors(basis, fit);

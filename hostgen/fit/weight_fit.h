@@ -6,6 +6,7 @@
 
 #include "firmware/loop/finger_fit.h"
 #include "hostgen/finger/jig_holes.h"
+#include "hostgen/fit/pack_error.h"
 #include "hostgen/fit/touch_reading.h"
 
 namespace finsight::host {
@@ -27,6 +28,7 @@ struct WeightHold {
   double pack_force_n = 0;         ///< by the pack, without creep
   Vec3f point_mm = Vec3f::Zero();  ///< mean
   Vec3f truth_mm = Vec3f::Zero();  ///< the hole's contact point
+  PackError pack_error{};          ///< of the finger that the pack was made for, under as much force
   float plate_motion_mm = 0;
   double force_error = 0;                ///< relative, once fitted
   Vec3f touch_error_mm = Vec3f::Zero();  ///< once fitted
@@ -42,6 +44,7 @@ struct WeightFit {
 /// What a fit needs to know of the finger that the pack was made for.
 struct FitBasis {
   std::vector<JigHole> holes;
+  std::vector<std::vector<PackError>> pack_errors;  ///< per hole
   std::uint32_t model_checksum = 0;
   Eigen::Matrix3f face_axes = Eigen::Matrix3f::Identity();  ///< columns normal, across, along
   Vec3f face_middle_mm = Vec3f::Zero();
@@ -49,6 +52,7 @@ struct FitBasis {
   float force_range_n = 1;
   float force_tolerance = 0, touch_tolerance_mm = 0;  ///< of fingers that are not fitted
 };
+/// Solves that finger by finite elements: see pack_errors().
 FitBasis fit_basis(const FingerSpec& spec, const Model& model);
 
 /// Bayesian least squares: few recordings tell little and leave the rest to what fingers of a workshop have in common

@@ -225,10 +225,10 @@ struct FingerResult {
   std::string refused;  ///< by the fit, why
 };
 
-FingerResult run_finger(const Model& model, const FingerSpec& spec, std::uint64_t number, int others) {
+FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBasis& basis, std::uint64_t number,
+                        int others) {
   const VirtualFinger finger = draw_finger(spec, number);
   const Places places = solve_places(finger, spec, others);
-  const FitBasis basis = fit_basis(spec, model);
   FingerResult result;
   result.stiffness = finger.spec.youngs_modulus_mpa / spec.youngs_modulus_mpa;
   VirtualDevice unfitted(model, spec, finger, std::vector<LoopSettings>(1), 2 * number);
@@ -272,10 +272,11 @@ void plot_fingers(const std::vector<FingerResult>& results, const std::filesyste
 
 json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, int fingers,
                   int places, std::uint64_t first) {
+  const FitBasis basis = fit_basis(spec, model);
   std::vector<FingerResult> results(static_cast<std::size_t>(fingers));
   Progress progress("virtual fingers", results.size());
   parallel_for(results.size(), [&](std::size_t i) {
-    results[i] = run_finger(model, spec, first + i, places);
+    results[i] = run_finger(model, spec, basis, first + i, places);
     progress.advance();
   });
   AllErrors all;

@@ -87,6 +87,15 @@ TEST_CASE("weight fit: a finger that is softer towards its tip than the pack has
   CHECK(force_scale_at(fit, Vec3f(0, 105, 0)) < 0.9F * force_scale_at(fit, Vec3f(0, 60, 0)));
 }
 
+TEST_CASE("weight fit: what the pack does wrong on its own finger is not taken for the finger's") {
+  FitBasis errs = basis();
+  errs.pack_errors.assign(9, {{.pack_force_n = 1, .touch_mm = {0, 1, 0}, .log_force = 0.1},
+                              {.pack_force_n = 5, .touch_mm = {0, 1, 0}, .log_force = 0.1}});
+  const WeightFit fit = fit_weights(errs, nine({}), 9000);
+  CHECK(fit.values.along_mm[0] == doctest::Approx(0.5).epsilon(0.15));
+  CHECK(fit.values.force_scale == doctest::Approx(1.3 * std::exp(-0.1)).epsilon(0.02));
+}
+
 TEST_CASE("weight fit: what few weights do not tell is said and stays wide") {
   Random random(5);
   const WeightFit fit = fit_weights(basis(), {record(4, 3, 5, {}, random), record(6, 3, 5, {}, random)}, 9000);
