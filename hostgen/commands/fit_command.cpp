@@ -49,8 +49,7 @@ void run(const Options& options) {
   const FingerSpec spec = read_finger_spec(device.spec);
   const Model model = Model::open(device.pack);
   check_writable(options.output, {spec.file, device.pack, options.weights, device.mount});
-  const FitBasis basis = fit_basis(spec, model);
-  const std::vector<ListedWeight> weights = read_weights(options.weights, static_cast<int>(basis.holes.size()));
+  const std::vector<ListedWeight> weights = read_weights(options.weights, static_cast<int>(jig_holes(spec).size()));
   const std::uint16_t day = device.day();
   std::vector<WeightRecord> records;
   for (const fs::path& session : device.sessions) {
@@ -59,6 +58,7 @@ void run(const Options& options) {
   }
   std::vector<std::vector<TouchReading>> readings = device.readings(model);
   for (std::size_t i = 0; i < records.size(); ++i) records[i].readings = std::move(readings[i]);
+  const FitBasis basis = fit_basis(spec, model);
   const WeightFit fit = fit_weights(basis, records, day);
   write_file_atomically(options.output, "# What one finger does otherwise than its pack, made by hostgen fit from " +
                                             std::to_string(records.size()) +

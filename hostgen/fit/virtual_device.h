@@ -5,8 +5,6 @@
 #include <vector>
 
 #include "firmware/vision/plate_estimator.h"
-#include "hostgen/fem/statics.h"
-#include "hostgen/fit/pressed_place.h"
 #include "hostgen/fit/touch_reading.h"
 #include "hostgen/render/virtual_finger.h"
 

@@ -8,6 +8,7 @@
 
 #include "firmware/input_error.h"
 #include "hostgen/finger/plate_geometry.h"
+#include "hostgen/fit/pressed_place.h"
 #include "hostgen/fit/virtual_device.h"
 #include "hostgen/fit/weight_fit.h"
 #include "hostgen/report/areas.h"
