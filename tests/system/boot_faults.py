@@ -10,7 +10,7 @@ import time
 
 import machine
 from bench import ANY_FAULT, CAMERA_FPS, CAMERA_LOST, SESSION, WORK, camera_settings, check, step
-from boot_recovery import FULL_SPEED, SLOT_AT_MIB, sick_system
+from boot_recovery import DATA_AT_MIB, ENV_AT_MIB, FULL_SPEED, RECORD_AT, SLOT_AT_MIB, damage, sick_system
 from boot_updates import stick_with, wait_for_stick, wait_slot
 from machine import READY
 from usb_camera import UsbCamera
@@ -167,6 +167,22 @@ class Faults:
         self.start()
         return 900  # several starts, and the other slot's bytes are compared before it is taken
 
+    def boot_record_damaged(self):
+        """Or the file system that the boot loader finds it in."""
+        self.board.cut_power()
+        at = (ENV_AT_MIB << 20) + self.chance.choice((0, RECORD_AT))
+        damage(self.bench.card, at, self.chance.randbytes(self.chance.choice((64, 1024))))
+        self.start()
+        return START_S
+
+    def data_partition_damaged(self):
+        self.board.cut_power()
+        for _ in range(self.chance.choice((1, 200))):
+            at = (DATA_AT_MIB << 20) + self.chance.randrange(32 << 20)
+            damage(self.bench.card, at, self.chance.randbytes(4096))
+        self.start()
+        return START_S
+
     def bad_settings(self):
         text = bytearray((self.bench.default_settings + FULL_SPEED).encode())
         for _ in range(20):
@@ -210,7 +226,7 @@ class Faults:
     FLASH_AFTER = (running_system_corrupted,)
     ALL = (firmware_killed, firmware_stopped, page_killed, network_daemon_killed, journal_killed, out_of_memory,
            serial_adapter_comes_and_goes, camera_comes_and_goes, disk_full, power_cut, power_cut_with_lost_and_torn_writes,
-           power_cut_at_the_start, running_system_corrupted, bad_settings, foreign_update, good_update, sick_update)
+           power_cut_at_the_start, running_system_corrupted, boot_record_damaged, data_partition_damaged, bad_settings, foreign_update, good_update, sick_update)
 
 
 @step

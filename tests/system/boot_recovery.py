@@ -14,7 +14,9 @@ from usb_camera import UsbCamera
 FAILED_REPEATEDLY = 6  # register 1
 RECORDING, RECORDING_FULL = 1, 3  # register 1005
 FULL_SPEED = '\n[source]\nspeed = "full"\n'
+ENV_AT_MIB, DATA_AT_MIB = 65, 450
 SLOT_AT_MIB = {"a": 66, "b": 258}
+RECORD_AT = 8192  # in the boot loader's partition
 TELLS = "-comp", "lzo", "-Xalgorithm", "lzo1x_1", "-all-root", "-quiet", "-no-progress"
 
 
@@ -63,17 +65,24 @@ def safe_mode_that_is_killed_or_stopped_comes_back(bench):
     return ""
 
 
-def sick_system(slot, finsightd="#!/bin/sh\nexit 1\n"):
-    """A system whose firmware ends at once; everything else in it works."""
+def sick_system(slot, program="usr/bin/finsightd", text="#!/bin/sh\nexit 1\n"):
+    """A system in which one program is another, by default a firmware that ends at once; everything else in it works."""
     root, sick = WORK / "sick", WORK / "sick.squashfs"
     shutil.rmtree(root, ignore_errors=True)
     (WORK / "slot").write_bytes(slot)
     subprocess.run(["unsquashfs", "-q", "-n", "-d", root, WORK / "slot"], check=True, capture_output=True)
-    (root / "usr/bin/finsightd").write_text(finsightd)
-    (root / "usr/bin/finsightd").chmod(0o755)
+    (root / program).unlink()
+    (root / program).write_text(text)
+    (root / program).chmod(0o755)
     sick.unlink(missing_ok=True)
     subprocess.run(["mksquashfs", root, sick, *TELLS], check=True, capture_output=True)
     return sick
+
+
+def damage(card, at, content):
+    with open(card, "r+b") as file:
+        file.seek(at)
+        file.write(content)
 
 
 def put_into_slot(card, slot, file):
@@ -93,6 +102,71 @@ def a_broken_system_is_left_for_the_other_slot(bench):
     check("finsight.slot=b" in line, line)
     starts = board.console().count("BdsDxe: starting")
     return f"slot b answers after {starts} starts and {seconds:.0f} s"
+
+
+@step
+def a_broken_system_is_left_though_the_boot_record_is_damaged(bench):
+    """The boot loader can neither read nor write its record, and takes the slot whose firmware ends at once."""
+    bench.fresh_card(FULL_SPEED)
+    put_into_slot(bench.card, "a", sick_system(bench.update().read_bytes()[4096:]))
+    damage(bench.card, (ENV_AT_MIB << 20) + RECORD_AT, bytes(1024))
+    board = bench.machine
+    board.start()
+    seconds, _ = board.wait_registers(lambda words: words[0] & READY, limit_s=1800)
+    _, line = board.shell("cat /proc/cmdline")
+    check("finsight.slot=b" in line, line)
+    return f"slot b answers after {board.console().count('BdsDxe: starting')} starts and {seconds:.0f} s"
+
+
+@step
+def a_start_that_hangs_is_left_for_the_other_slot(bench):
+    """A slot in which the start waits for ever, before any unit of ours; it has one start left."""
+    bench.fresh_card(FULL_SPEED)
+    put_into_slot(bench.card, "a", sick_system(bench.update().read_bytes()[4096:], "usr/bin/systemd-tmpfiles",
+                                               "#!/bin/sh\nexec sleep infinity\n"))
+    record = b"# GRUB Environment Block\nslot=a\nleft=i\nspare=1\ntrial=0\n".ljust(1024, b"#")
+    damage(bench.card, (ENV_AT_MIB << 20) + RECORD_AT, record)
+    board = bench.machine
+    board.start()
+    seconds, _ = board.wait_registers(lambda words: words[0] & READY, limit_s=1800)
+    _, line = board.shell("cat /proc/cmdline")
+    check("finsight.slot=b" in line, line)
+    return f"slot b answers after {seconds:.0f} s"
+
+
+@step
+def a_data_partition_beyond_repair_is_made_afresh(bench):
+    """Its first half overwritten: the device measures, and what it keeps outlives the next start."""
+    bench.fresh_card(FULL_SPEED)
+    damage(bench.card, DATA_AT_MIB << 20, b"\xA5" * (32 << 20))
+    board = bench.machine
+    ids = []
+    for _ in range(2):
+        board.start()
+        board.wait_registers(lambda words: words[0] & READY)
+        status, said = board.shell("grep -q ' /data ' /proc/mounts && cat /data/machine-id && stat -c %U /data/recordings")
+        check(status == 0 and said.split()[1] == "finsight", f"status {status}: {said}")
+        ids.append(said.split()[0])
+        board.shell("sync")
+        board.cut_power()
+    check(ids[0] == ids[1], f"machine ids {ids}")
+    return ""
+
+
+@step
+def another_card_in_a_usb_reader_is_not_started(bench):
+    """The same partitions under the same names, with a firmware that ends at once, plugged in when the power comes."""
+    bench.fresh_card(FULL_SPEED)
+    reader = WORK / "reader.img"
+    machine.copy_card(bench.card, reader)
+    put_into_slot(reader, "a", sick_system(bench.update().read_bytes()[4096:]))
+    board = bench.machine
+    board.start("-drive", f"if=none,id=reader,format=raw,file={reader}", "-device", "usb-storage,drive=reader")
+    board.wait_registers(lambda words: words[0] & READY)
+    _, said = board.shell("readlink -f /dev/finsight/slot-a /dev/finsight/data; cat /proc/partitions")
+    check(said.split()[:2] == ["/dev/vda3", "/dev/vda5"] and "sda3" in said, said)
+    board.cut_power()
+    return ""
 
 
 @step

@@ -180,13 +180,14 @@ class Update(Case):
         (self.folder / "slot-a").write_bytes(self.old.ljust(4 * MIB, b"\0"))
         (self.folder / "slot-b").write_bytes(self.old.ljust(4 * MIB, b"\0"))
         record = b"# GRUB Environment Block\nslot=a\nleft=iiiiiiii\nspare=1\ntrial=0\n".ljust(1024, b"#")
-        (self.folder / "env").write_bytes((b"\0" * 8192 + record).ljust(MIB, b"\0"))
+        (self.folder / "head").write_bytes(random.Random(3).randbytes(8192))
+        (self.folder / "env").write_bytes(((self.folder / "head").read_bytes() + record).ljust(MIB, b"\0"))
         (self.folder / "cmdline").write_text("BOOT_IMAGE=/boot/vmlinuz finsight.slot=a ro quiet\n")
         (self.folder / "release").write_text("board=rpi4\nversion=1\nid=old\n")
         self.environment = {"FINSIGHT_DEVICES": str(self.folder), "FINSIGHT_CMDLINE": str(self.folder / "cmdline"),
                             "FINSIGHT_LIB": str(ROOT / "usr/lib/finsight"), "FINSIGHT_KEYS": str(self.folder / "keys"),
                             "FINSIGHT_RELEASE": str(self.folder / "release"), "FINSIGHT_STATE": str(self.folder),
-                            "FINSIGHT_STAYS_UP_S": "0"}
+                            "FINSIGHT_ENV_HEAD": str(self.folder / "head"), "FINSIGHT_STAYS_UP_S": "0"}
         self.file = self.folder / "finsight-2.update"
 
     def make_key(self, name, public=None):
@@ -367,10 +368,15 @@ class Update(Case):
         self.assertEqual((answer.returncode, self.record()["left"]), (0, "iiiiiiii"))
         self.assertIn("and so is the other one", answer.stderr)
 
+    def test_a_damaged_slot_is_left_for_one_from_before_a_change_of_keys(self):
+        self.put_head("a")
+        self.put_head("b", self.make_key("old"))
+        self.damage("a")
+        self.assertEqual(self.slots("healthy").returncode, RESTART)
+        self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "0"})
+
     def test_a_slot_without_a_head_of_ours_is_not_judged(self):
-        other = self.folder / "other.pem"
-        subprocess.run(["openssl", "genpkey", "-algorithm", "ed25519", "-out", other], check=True)
-        self.put_head("a", other)
+        self.put_head("a", self.make_key("other"))
         self.put_head("b")
         self.damage("a")
         self.assertEqual(self.slots("safe-mode").returncode, 0)
@@ -386,6 +392,30 @@ class Update(Case):
         self.assertEqual(self.record()["left"], "iiiiiiii")
         self.assertEqual(self.slots("after-safe-mode", "failure").returncode, RESTART)
         self.assertEqual(self.record(), {"slot": "a", "left": "i", "spare": "1", "trial": "0"})
+
+    def damage_record(self, at, with_bytes):
+        content = bytearray((self.folder / "env").read_bytes())
+        content[at:at + len(with_bytes)] = with_bytes
+        (self.folder / "env").write_bytes(content)
+
+    def test_a_record_that_the_boot_loader_cannot_read_is_mended_by_a_healthy_start(self):
+        whole = (self.folder / "env").read_bytes()
+        for at, harm in ((0, bytes(64)), (5000, b"x"), (8192, bytes(1024)), (8192, b"X"), (8192 + 32, b"h"), (8192 + 50, b"??")):
+            self.damage_record(at, harm)
+            self.assertNotEqual((self.folder / "env").read_bytes(), whole)
+            self.assertEqual(self.slots("healthy").returncode, 0)
+            self.assertEqual((self.folder / "env").read_bytes(), whole, (at, harm))
+
+    def test_with_such_a_record_a_slot_that_does_not_work_is_left_all_the_same(self):
+        whole = (self.folder / "env").read_bytes()
+        for at, harm in ((0, bytes(64)), (8192, bytes(1024)), (8192 + 40, b"h"), (8192 + 50, b"?")):
+            self.damage_record(0, whole)
+            self.damage_record(at, harm)
+            self.replace_systemctl("echo failed; echo; echo failed")
+            self.assertEqual([self.slots("guard").returncode for _ in range(2)], [0, RESTART])
+            self.assertEqual(self.record(), {"slot": "a", "left": "i", "spare": "1", "trial": "0"}, (at, harm))
+            self.assertEqual((self.folder / "env").read_bytes()[:8192], (self.folder / "head").read_bytes())
+            (self.folder / "nothing-runs").unlink()
 
     def test_a_machine_on_which_nothing_runs_is_started_again(self):
         for states, code in (("active", 0), ("failed", 0), ("activating", 0), ("failed", 0), ("inactive", RESTART)):
