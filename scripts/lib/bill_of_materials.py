@@ -19,7 +19,7 @@ SPDX = {"GPL-2": "GPL-2.0-only", "GPL-2+": "GPL-2.0-or-later", "GPL-3": "GPL-3.0
         "LGPL-3+": "LGPL-3.0-or-later", "Expat": "MIT", "MIT": "MIT", "BSD-2-clause": "BSD-2-Clause",
         "BSD-2-Clause": "BSD-2-Clause", "BSD-3-clause": "BSD-3-Clause", "BSD-3-Clause": "BSD-3-Clause",
         "Apache-2": "Apache-2.0", "Apache-2.0": "Apache-2.0", "ISC": "ISC", "Zlib": "Zlib", "zlib": "Zlib",
-        "CC0": "CC0-1.0", "CC0-1.0": "CC0-1.0", "MPL-2.0": "MPL-2.0", "Artistic": "Artistic-1.0-Perl",
+        "CC0": "CC0-1.0", "CC0-1.0": "CC0-1.0", "MPL-2": "MPL-2.0", "MPL-2.0": "MPL-2.0", "Artistic": "Artistic-1.0-Perl",
         "OpenSSL": "OpenSSL", "BSL-1.0": "BSL-1.0", "curl": "curl", "FTL": "FTL", "Unlicense": "Unlicense",
         "GFDL-1.3": "GFDL-1.3-only", "GFDL-1.3+": "GFDL-1.3-or-later"}
 
@@ -76,15 +76,15 @@ def packages_in_image(root, files):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    for option in ("root", "packages", "board", "version", "epoch", "boot"):
+    for option in ("root", "packages", "board", "version", "epoch", "elsewhere"):
         parser.add_argument("--" + option, required=True)
     arguments = parser.parse_args()
     root = Path(arguments.root)
     rows = [line.split("\t") for line in Path(arguments.packages).read_text().splitlines()]
     held = packages_in_image(root, Path(arguments.packages + ".files")) | {"busybox-static"}  # all of the initial RAM disk
-    boot = set(arguments.boot.split(","))
+    elsewhere = set(arguments.elsewhere.split(","))  # on the boot partition, or compiled into our programs
     # The kernel's package depends on the one that holds it.
-    components = [component_of(root, row) for row in rows if row[0] in held | boot]
+    components = [component_of(root, row) for row in rows if row[0] in held | elsewhere]
     components += [own_component(root, "application", name, "usr/bin/" + name, arguments.version)
                    for name in ("finsightd", "finsight-page")]
     components.append(own_component(root, "data", "model pack", "usr/lib/finsight/model.safetensors", arguments.version))
