@@ -160,10 +160,9 @@ class Faults:
         slot = "a" if "finsight.slot=a" in self.board.shell("cat /proc/cmdline")[1] else "b"
         self.board.cut_power()
         size = self.bench.update().stat().st_size - 4096
-        with open(self.bench.card, "r+b") as card:
-            for _ in range(200):
-                card.seek((SLOT_AT_MIB[slot] << 20) + self.chance.randrange(1 << 20, size))
-                card.write(self.chance.randbytes(64))
+        for _ in range(200):
+            at = (SLOT_AT_MIB[slot] << 20) + self.chance.randrange(1 << 20, size)
+            damage(self.bench.card, at, self.chance.randbytes(64))
         self.start()
         return 900  # several starts, and the other slot's bytes are compared before it is taken
 

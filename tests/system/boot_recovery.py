@@ -90,12 +90,7 @@ def put_into_slot(card, slot, file):
                    check=True)
 
 
-@step
-def a_broken_system_is_left_for_the_other_slot(bench):
-    """The slot that was always healthy has a firmware that ends at once, safe mode too: the other slot starts."""
-    bench.fresh_card(FULL_SPEED)
-    put_into_slot(bench.card, "a", sick_system(bench.update().read_bytes()[4096:]))
-    board = bench.machine
+def ends_in_slot_b(board):
     board.start()
     seconds, _ = board.wait_registers(lambda words: words[0] & READY, limit_s=1800)
     _, line = board.shell("cat /proc/cmdline")
@@ -105,17 +100,20 @@ def a_broken_system_is_left_for_the_other_slot(bench):
 
 
 @step
+def a_broken_system_is_left_for_the_other_slot(bench):
+    """The slot that was always healthy has a firmware that ends at once, safe mode too: the other slot starts."""
+    bench.fresh_card(FULL_SPEED)
+    put_into_slot(bench.card, "a", sick_system(bench.update().read_bytes()[4096:]))
+    return ends_in_slot_b(bench.machine)
+
+
+@step
 def a_broken_system_is_left_though_the_boot_record_is_damaged(bench):
     """The boot loader can neither read nor write its record, and takes the slot whose firmware ends at once."""
     bench.fresh_card(FULL_SPEED)
     put_into_slot(bench.card, "a", sick_system(bench.update().read_bytes()[4096:]))
     damage(bench.card, (ENV_AT_MIB << 20) + RECORD_AT, bytes(1024))
-    board = bench.machine
-    board.start()
-    seconds, _ = board.wait_registers(lambda words: words[0] & READY, limit_s=1800)
-    _, line = board.shell("cat /proc/cmdline")
-    check("finsight.slot=b" in line, line)
-    return f"slot b answers after {board.console().count('BdsDxe: starting')} starts and {seconds:.0f} s"
+    return ends_in_slot_b(bench.machine)
 
 
 @step
@@ -126,12 +124,7 @@ def a_start_that_hangs_is_left_for_the_other_slot(bench):
                                                "#!/bin/sh\nexec sleep infinity\n"))
     record = b"# GRUB Environment Block\nslot=a\nleft=i\nspare=1\ntrial=0\n".ljust(1024, b"#")
     damage(bench.card, (ENV_AT_MIB << 20) + RECORD_AT, record)
-    board = bench.machine
-    board.start()
-    seconds, _ = board.wait_registers(lambda words: words[0] & READY, limit_s=1800)
-    _, line = board.shell("cat /proc/cmdline")
-    check("finsight.slot=b" in line, line)
-    return f"slot b answers after {seconds:.0f} s"
+    return ends_in_slot_b(bench.machine)
 
 
 @step
