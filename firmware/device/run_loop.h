@@ -9,7 +9,7 @@
 #include "firmware/device/page_publisher.h"
 #include "firmware/device/register_log.h"
 #include "firmware/device/source.h"
-#include "firmware/device/supervisor.h"
+#include "firmware/ports/supervisor.h"
 #include "firmware/modbus/server.h"
 
 namespace finsight {

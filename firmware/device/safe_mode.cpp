@@ -7,8 +7,8 @@
 #include "firmware/device/identity.h"
 #include "firmware/device/log.h"
 #include "firmware/device/saved_state.h"
-#include "firmware/device/supervisor.h"
 #include "firmware/input_error.h"
+#include "firmware/ports/supervisor.h"
 
 namespace finsight {
 
@@ -92,7 +92,7 @@ bool SafeMode::run(const std::atomic<bool>& stop, std::chrono::nanoseconds longe
   while (!stop) {
     const std::int64_t now_ns = steady_now_ns();
     if (now_ns > end_ns || fault_.reset_is_due(now_ns)) return false;
-    supervisor.alive_in_safe_mode(now_ns);
+    supervisor.alive_without_sensor(now_ns);
     const RegisterImage& image = fault_.next(now_ns);
     for (std::size_t finger = 0; finger < fingers_; ++finger) server_->publish(image, finger);
     std::this_thread::sleep_for(std::chrono::milliseconds(FaultBlock::kEvery_ms));

@@ -23,6 +23,7 @@
 #include "firmware/page/device.h"
 #include "firmware/page/http_server.h"
 #include "firmware/page/setup.h"
+#include "firmware/ports/supervisor.h"
 #include "firmware/settings/settings.h"
 
 namespace {
@@ -152,12 +153,13 @@ class FingerPage {
   std::int64_t registers_ns_ = 0, closed_ns_ = 0;
 };
 
-void serve_one(const Settings& finger, const std::vector<Settings>& fingers) {
+void serve_one(std::size_t finger, const std::vector<Settings>& fingers, Supervisor& supervisor) {
   try {
-    FingerPage page(finger, fingers);
+    FingerPage page(fingers[finger], fingers);
     while (!stop_requested) {
       std::this_thread::sleep_for(kEvery);
       page.look(steady_now_ns());
+      supervisor.alive_without_sensor(steady_now_ns(), finger);
     }
   } catch (...) {
     stop_requested = true;  // of the others, too
@@ -167,9 +169,10 @@ void serve_one(const Settings& finger, const std::vector<Settings>& fingers) {
 
 /// Each page on a thread of its own: it may wait more than a second for its finger's answer.
 void serve(const std::vector<Settings>& fingers) {
+  Supervisor supervisor(fingers.size());
   std::vector<std::future<void>> pages;
-  for (const Settings& finger : fingers) {
-    pages.push_back(std::async(std::launch::async, [&finger, &fingers] { serve_one(finger, fingers); }));
+  for (std::size_t finger = 0; finger < fingers.size(); ++finger) {
+    pages.push_back(std::async(std::launch::async, [&, finger] { serve_one(finger, fingers, supervisor); }));
   }
   for (auto& page : pages) page.get();
 }

@@ -10,6 +10,7 @@ import time
 
 import machine
 from bench import ANY_FAULT, CAMERA_FPS, CAMERA_LOST, SESSION, WORK, camera_settings, check, step
+from boot_found import get
 from boot_recovery import DATA_AT_MIB, ENV_AT_MIB, FULL_SPEED, RECORD_AT, SLOT_AT_MIB, damage, sick_system
 from boot_updates import stick_with, wait_for_stick, wait_slot
 from machine import READY
@@ -71,29 +72,43 @@ class Faults:
     def wait(self, limit_s=900, accept=lambda words: words[0] & READY and not words[0] & ANY_FAULT):
         return self.board.wait_registers(accept, limit_s, since_now=True)[0]
 
-    def signal_firmware(self, name):
-        self.board.shell(f"kill -{name} $(systemctl show -P MainPID finsightd)")
+    def signal(self, unit, name):
+        self.board.shell(f"kill -{name} $(systemctl show -P MainPID {unit})")
 
     # The faults.
 
     def firmware_killed(self):
-        self.signal_firmware("KILL")
+        self.signal("finsightd", "KILL")
         return 15
 
     def firmware_stopped(self):
-        self.signal_firmware("STOP")
+        self.signal("finsightd", "STOP")
         return 60  # systemd's watchdog waits for 30 s
 
     def page_killed(self):
-        self.board.shell("kill -KILL $(systemctl show -P MainPID finsight-page)")
+        self.signal("finsight-page", "KILL")
+        get(self.board, "/api/about", "127.0.0.1", 60)
+        return 5
+
+    def page_stopped(self):
+        self.signal("finsight-page", "STOP")
+        get(self.board, "/api/about", "127.0.0.1", 90)  # its watchdog waits for 60 s
+        return 5
+
+    def name_service_stopped(self):
+        self.signal("finsight-mdns", "STOP")
+        end = time.monotonic() + 240 * self.board.slowness  # the guard comes by every minute, three after the start
+        while "stopped" in self.board.shell("grep State /proc/$(systemctl show -P MainPID finsight-mdns)/status")[1]:
+            check(time.monotonic() < end, "the name service is still stopped")
+            time.sleep(2)
         return 5
 
     def network_daemon_killed(self):
-        self.board.shell("kill -KILL $(systemctl show -P MainPID systemd-networkd)")
+        self.signal("systemd-networkd", "KILL")
         return 15
 
     def journal_killed(self):
-        self.board.shell("kill -KILL $(systemctl show -P MainPID systemd-journald)")
+        self.signal("systemd-journald", "KILL")
         return 10
 
     def out_of_memory(self):
@@ -223,9 +238,10 @@ class Faults:
 
     SLOW = (camera_comes_and_goes, good_update, sick_update)  # minutes each: not in the short form
     FLASH_AFTER = (running_system_corrupted,)
-    ALL = (firmware_killed, firmware_stopped, page_killed, network_daemon_killed, journal_killed, out_of_memory,
-           serial_adapter_comes_and_goes, camera_comes_and_goes, disk_full, power_cut, power_cut_with_lost_and_torn_writes,
-           power_cut_at_the_start, running_system_corrupted, boot_record_damaged, data_partition_damaged, bad_settings, foreign_update, good_update, sick_update)
+    ALL = (firmware_killed, firmware_stopped, page_killed, page_stopped, name_service_stopped, network_daemon_killed,
+           journal_killed, out_of_memory, serial_adapter_comes_and_goes, camera_comes_and_goes, disk_full, power_cut,
+           power_cut_with_lost_and_torn_writes, power_cut_at_the_start, running_system_corrupted, boot_record_damaged,
+           data_partition_damaged, bad_settings, foreign_update, good_update, sick_update)
 
 
 @step

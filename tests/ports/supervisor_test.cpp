@@ -1,4 +1,4 @@
-#include "firmware/device/supervisor.h"
+#include "firmware/ports/supervisor.h"
 
 #include <doctest/doctest.h>
 #include <sys/socket.h>
@@ -52,8 +52,21 @@ TEST_CASE("supervisor: systemd is notified of the start, and at most once per se
   CHECK(systemd.next() == "");
   supervisor.alive(6 * kSecond, false);
   CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=looking for the camera");
-  supervisor.alive_in_safe_mode(7 * kSecond);
-  CHECK(systemd.next() == "WATCHDOG=1\nSTATUS=safe mode");
+  supervisor.alive_without_sensor(7 * kSecond);
+  CHECK(systemd.next() == "WATCHDOG=1");
+}
+
+TEST_CASE("supervisor: a finger that gives no sign of life is not covered up by the other one") {
+  const test::ScratchFolder folder;
+  const NotifySocket systemd(folder / "notify");
+  Supervisor supervisor(2);
+  constexpr std::int64_t kSecond = 1'000'000'000;
+  for (int second = 1; second < 5; ++second) supervisor.alive_without_sensor(second * kSecond, 1);
+  CHECK(systemd.next() == "");
+  supervisor.alive_without_sensor(5 * kSecond, 0);
+  CHECK(systemd.next() == "WATCHDOG=1");
+  supervisor.alive_without_sensor(6 * kSecond, 0);
+  CHECK(systemd.next() == "");
 }
 
 TEST_CASE("supervisor: without a socket, or with one that nobody reads, nothing happens") {

@@ -1,4 +1,4 @@
-#include "firmware/device/supervisor.h"
+#include "firmware/ports/supervisor.h"
 
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -35,20 +35,22 @@ void Supervisor::ready() const { send("READY=1"); }
 
 void Supervisor::alive(std::int64_t now_ns, bool is_measuring, std::size_t finger) {
   const unsigned bit = 1U << finger;
-  alive_ |= bit;
   is_measuring ? measuring_ |= bit : measuring_ &= ~bit;
-  if (alive_ != all_) return;
   const bool all_measure = measuring_ == all_;
-  const bool is_sent = send_once_per_second(
-      now_ns, all_measure ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
-  if (is_sent) alive_ = 0;
+  send_once_per_second(now_ns, finger,
+                       all_measure ? "WATCHDOG=1\nSTATUS=measuring" : "WATCHDOG=1\nSTATUS=looking for the camera");
 }
 
-bool Supervisor::send_once_per_second(std::int64_t now_ns, const char* message) {
-  if (now_ns - last_alive_ns_ < kNsPerS) return false;  // the supervisor need not hear of every frame
+void Supervisor::alive_without_sensor(std::int64_t now_ns, std::size_t finger) {
+  send_once_per_second(now_ns, finger, "WATCHDOG=1");
+}
+
+void Supervisor::send_once_per_second(std::int64_t now_ns, std::size_t finger, const char* message) {
+  alive_ |= 1U << finger;
+  if (alive_ != all_ || now_ns - last_alive_ns_ < kNsPerS) return;  // the supervisor need not hear of every frame
   last_alive_ns_ = now_ns;
+  alive_ = 0;
   send(message);
-  return true;
 }
 
 void Supervisor::send(const char* message) const {

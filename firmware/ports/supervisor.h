@@ -1,4 +1,4 @@
-// Readiness and watchdog: what the firmware reports to the service manager.
+// Readiness and watchdog: what finsightd and finsight-page report to the service manager.
 #pragma once
 
 #include <atomic>
@@ -21,11 +21,11 @@ class Supervisor {
   /// last time, and reports whether all of them are measuring. Call it for every new frame (true), and whenever the
   /// camera was looked for and not found (false). For the threads of all fingers.
   void alive(std::int64_t now_ns, bool is_measuring, std::size_t finger = 0);
-  /// The same in safe mode, which has no sensor.
-  void alive_in_safe_mode(std::int64_t now_ns) { send_once_per_second(now_ns, "WATCHDOG=1\nSTATUS=safe mode"); }
+  /// The same where nothing is measured: in safe mode, and by the page.
+  void alive_without_sensor(std::int64_t now_ns, std::size_t finger = 0);
 
  private:
-  bool send_once_per_second(std::int64_t now_ns, const char* message);
+  void send_once_per_second(std::int64_t now_ns, std::size_t finger, const char* message);
   void send(const char* message) const;
   int socket_ = -1;
   const unsigned all_;  ///< a bit for each finger
