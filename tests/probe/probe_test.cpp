@@ -16,6 +16,8 @@ namespace {
 
 const std::filesystem::path kFingers = FINSIGHT_SOURCE_DIR "/hostgen/fingers";
 
+constexpr double kUnhurried_s = 7200;  // an emulated or busy processor must not change what is found
+
 FingerSpec column() {
   FingerSpec spec = test::small_finger_spec();
   spec.threshold_mm = 0.5;
@@ -26,7 +28,7 @@ FingerSpec column() {
 
 TEST_CASE("probe: every place is pushed up to the spec's force, or up to what it bears") {
   FingerSpec spec = column();
-  const Probe gentle = probe_finger(spec, test::small_finger_mesh());
+  const Probe gentle = probe_finger(spec, test::small_finger_mesh(), kUnhurried_s);
   REQUIRE(gentle.places.size() == 3);
   for (const ProbedPlace& place : gentle.places) {
     CHECK(place.end == Outcome::kEquilibrium);
@@ -35,7 +37,7 @@ TEST_CASE("probe: every place is pushed up to the spec's force, or up to what it
   }
   CHECK(gentle.factor_mb > 0);
   spec.force_n = {1, 40};
-  const Probe rough = probe_finger(spec, test::small_finger_mesh());
+  const Probe rough = probe_finger(spec, test::small_finger_mesh(), kUnhurried_s);
   for (const ProbedPlace& place : rough.places) {
     CAPTURE(place.point_mm.y());
     CHECK(place.end != Outcome::kEquilibrium);
@@ -58,7 +60,7 @@ TEST_CASE("probe: ends when its time is over, and proposes nothing from nothing"
 
 TEST_CASE("probe: a finger that no pack can come of is refused, with the number to change") {
   FingerSpec spec = column();
-  const Probe probe = probe_finger(spec, test::small_finger_mesh());
+  const Probe probe = probe_finger(spec, test::small_finger_mesh(), kUnhurried_s);
   CHECK_NOTHROW(check_worth_building(spec, probe));
   spec.threshold_mm = 50;
   CHECK_THROWS_WITH_AS(check_worth_building(spec, probe),
@@ -77,7 +79,7 @@ TEST_CASE("probe: a finger that no pack can come of is refused, with the number 
 
 TEST_CASE("probe: what it proposes for the paper's finger is a spec, and near what was chosen by hand") {
   const FingerSpec spec = read_finger_spec(kFingers / "srm.toml");
-  const Probe probe = probe_finger(spec, make_mesh(spec, MeshSize::kCoarse));
+  const Probe probe = probe_finger(spec, make_mesh(spec, MeshSize::kCoarse), kUnhurried_s);
   const std::string text = proposal_text(spec, probe);
   CAPTURE(text);
   const test::ScratchFolder folder;
