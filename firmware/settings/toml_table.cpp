@@ -89,12 +89,19 @@ toml::table parsed(const std::string& text, const std::string& file) {
   }
 }
 
+// Parsed, a text takes about twenty times its size: a file of tens of megabytes, put onto a card by mistake, would take
+// all memory of a board.
+constexpr std::uintmax_t kLargest_bytes = 1 << 20;
+
 }  // namespace
 
 TomlTable TomlTable::parse_file(const std::filesystem::path& file) {
   std::error_code ignored;
   if (!std::filesystem::exists(file, ignored)) throw InputError(file.string(), "no such file");
   if (!std::filesystem::is_regular_file(file, ignored)) throw InputError(file.string(), "is not a file");
+  if (std::filesystem::file_size(file, ignored) > kLargest_bytes) {
+    throw InputError(file.string(), "is larger than 1 MiB, which no such file is");
+  }
   auto document = std::make_shared<Document>();
   document->file = file.string();
   document->folder = file.parent_path();

@@ -16,6 +16,7 @@ namespace finsight {
 /// been read.
 class TomlTable {
  public:
+  /// Of at most 1 MiB.
   static TomlTable parse_file(const std::filesystem::path& file);
   /// `name` stands for the file in messages.
   static TomlTable parse_text(const std::string& text, const std::string& name);

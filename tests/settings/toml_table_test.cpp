@@ -177,6 +177,9 @@ TEST_CASE("toml table: refuses what is not a file") {
   CHECK_THROWS_AS(TomlTable::parse_file(folder.path()), InputError);
   CHECK_THROWS_AS(TomlTable::parse_file("/dev/zero"), InputError);
   CHECK_NOTHROW(TomlTable::parse_file(folder.write("empty.toml", "")).finish());
+  CHECK_NOTHROW(TomlTable::parse_file(folder.write("large.toml", std::string(1 << 20, '\n'))).finish());
+  CHECK_THROWS_WITH_AS(TomlTable::parse_file(folder.write("huge.toml", std::string((1 << 20) + 1, '\n'))),
+                       doctest::Contains("huge.toml: is larger than 1 MiB"), InputError);
 }
 
 TEST_CASE("toml table: a key of very many parts is refused; many numbers with a point are not") {
