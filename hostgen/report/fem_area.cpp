@@ -52,7 +52,8 @@ json locking(const FingerSpec& spec, bool quick) {
   const std::pair<const char*, MeshSize> sizes[] = {{"coarse", MeshSize::kCoarse},
                                                     {"default", MeshSize::kDefault},
                                                     {"medium", MeshSize::kMedium},
-                                                    {"fine", MeshSize::kFine}};
+                                                    {"fine", MeshSize::kFine},
+                                                    {"finest", MeshSize::kFinest}};
   json rows = json::array();
   for (const auto& [name, size] : sizes) {
     if (quick && size == MeshSize::kMedium) break;

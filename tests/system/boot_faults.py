@@ -237,7 +237,7 @@ class Faults:
         return START_S
 
     SLOW = (camera_comes_and_goes, good_update, sick_update)  # minutes each: not in the short form
-    FLASH_AFTER = (running_system_corrupted,)
+    FLASH_AFTER = (running_system_corrupted, sick_update)  # only one slot works then: damage to that would leave none
     ALL = (firmware_killed, firmware_stopped, page_killed, page_stopped, name_service_stopped, network_daemon_killed,
            journal_killed, out_of_memory, serial_adapter_comes_and_goes, camera_comes_and_goes, disk_full, power_cut,
            power_cut_with_lost_and_torn_writes, power_cut_at_the_start, running_system_corrupted, boot_record_damaged,

@@ -13,10 +13,11 @@ from zeroconf import const
 import machine
 from bench import ANY_FAULT, WORK, check, step
 from boot_reads import start_moments
-from boot_updates import stick_with
+from exfat_stick import files_on_exfat, make_exfat_stick
 from local_link import LocalLink
 from machine import COUNTING, READY, Machine
 
+REPORT_REQUEST = "finsight-report.txt"
 FULL_SPEED = '\n[source]\nspeed = "full"\n'
 IMAGE_MADE, IMAGE_SLOT = 3122, 3124  # registers
 
@@ -116,18 +117,27 @@ def files_on(stick):
             for name in names}
 
 
-def ask_by_stick(bench):
-    request = WORK / "finsight-report.txt"
+def make_fat_stick(stick):
+    request = WORK / REPORT_REQUEST
     request.write_text("please\n")
+    machine.make_stick(stick, [request])
+
+
+def ask_by_stick(bench, make=make_fat_stick, files=files_on):
+    """What is on a stick that `make` formats with a request for the report, once the device has seen it."""
+    bench.machine.pull_stick()
+    time.sleep(2)
     handled = bench.machine.times_logged("Finished finsight-stick")
-    stick = stick_with(bench, request)
+    stick = WORK / "stick.img"
+    make(stick)
+    bench.machine.plug_stick(stick)
     end = time.monotonic() + 120 * bench.machine.slowness
     while bench.machine.times_logged("Finished finsight-stick") <= handled:
         check(time.monotonic() < end, "the stick was not looked at")
         time.sleep(1)
     bench.machine.pull_stick()
     time.sleep(2)
-    return files_on(stick)
+    return files(stick)
 
 
 @step
@@ -151,6 +161,17 @@ def a_stick_gets_the_report(bench):
     check("finsight-key.txt" not in again and "finsight-diagnostics.tar.gz" in again, f"the second time: {list(again)}")
     bench.frames_advance()
     return f"{len(parts)} files, {len(files['finsight-diagnostics.tar.gz']) // 1024} kB"
+
+
+@step
+def an_exfat_stick_gets_the_report(bench):
+    """The same with a stick that has exFAT, as large ones have when they are bought."""
+    board = bench.running()
+    board.wait_up()
+    files = ask_by_stick(bench, lambda stick: make_exfat_stick(stick, [REPORT_REQUEST]), files_on_exfat)
+    check(REPORT_REQUEST in files and files.get("finsight-diagnostics.tar.gz", b"")[:2] == b"\x1f\x8b", f"on the stick: {list(files)}")
+    bench.frames_advance()
+    return f"{len(files['finsight-diagnostics.tar.gz']) // 1024} kB"
 
 
 @step

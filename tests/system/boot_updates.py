@@ -7,6 +7,7 @@ import time
 import machine
 from bench import WORK, check, step
 from boot_recovery import sick_system
+from exfat_stick import make_exfat_stick
 
 
 def stick_with(bench, file):
@@ -52,8 +53,8 @@ def a_huge_file(_):
     fat_stick([attack_file("finsight-x.update", b"finsight-update=1\n" + bytes(300 << 20))])
 
 
-def hundreds_of_files(_):
-    fat_stick([attack_file(f"finsight-{k}.update") for k in range(600)])
+def thousands_of_files(_):
+    make_exfat_stick(WORK / "attack.img", [f"finsight-{k}.update" for k in range(5000)])
 
 
 def folders_instead_of_files(_):
@@ -75,34 +76,43 @@ def names_with_newlines(_):
     (WORK / "attack.img").write_bytes(content.replace(b"W\0W\0", b"\n\0\x1b\0"))
 
 
-def a_damaged_file_system(chance):
-    """Random bytes in its tables and folders."""
-    fat_stick([attack_file(f"finsight-{k}.update", chance.randbytes(5000)) for k in range(30)])
+def harm(chance, boot_sectors):
+    """Random bytes in tables and folders, which are all that is in the first megabytes, but not in what says where they are."""
     with open(WORK / "attack.img", "r+b") as file:
-        content = bytearray(file.read(3 << 20))
-        used = [at for at in range(512, len(content)) if content[at]]
+        content = bytearray(file.read(5 << 20))
+        used = [at for at in range(512 * boot_sectors, len(content)) if content[at]]
         for at in chance.sample(used, len(used) // 20):
             content[at] = chance.randrange(256)
         file.seek(0)
         file.write(content)
 
 
+def a_damaged_fat(chance):
+    fat_stick([attack_file(f"finsight-{k}.update", chance.randbytes(5000)) for k in range(30)])
+    harm(chance, 1)
+
+
+def a_damaged_exfat(chance):
+    thousands_of_files(chance)
+    harm(chance, 24)
+
+
 @step
 def hostile_sticks_change_nothing(bench):
-    """Links, huge files, hundreds of files, folders, a full stick, strange names, damaged file systems."""
+    """Links, huge files, thousands of files, folders, a full stick, strange names, damaged file systems."""
     board = bench.running()
     board.wait_up()
     before = state_of(board)
     chance = random.Random(20)
-    attacks = [a_link, a_huge_file, hundreds_of_files, folders_instead_of_files, a_full_stick, names_with_newlines,
-               *[a_damaged_file_system] * 4]
+    attacks = [a_link, a_huge_file, thousands_of_files, folders_instead_of_files, a_full_stick, names_with_newlines,
+               *[a_damaged_fat, a_damaged_exfat] * 3]
     for attack in attacks:
         shutil.rmtree(WORK / "attack", ignore_errors=True)
         (WORK / "attack").mkdir()
         attack(chance)
         handled = sticks_handled(board)
         board.plug_stick(WORK / "attack.img")
-        wait = 10 if attack in (a_link, a_damaged_file_system) else 300  # these need not be looked at
+        wait = 10 if attack in (a_link, a_damaged_fat, a_damaged_exfat) else 300  # these need not be looked at
         end = time.monotonic() + wait * board.slowness
         while sticks_handled(board) <= handled and time.monotonic() < end:
             time.sleep(1)

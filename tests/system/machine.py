@@ -237,8 +237,7 @@ def make_stick(image, files, free_mib=48):
     with open(image, "wb") as out:
         out.truncate((size + 0xFFFFF) & ~0xFFFFF)
     subprocess.run(["mformat", "-i", image, "-F", "::"], check=True)
-    for some in range(0, len(files), 500):
-        subprocess.run(["mcopy", "-i", image, *files[some:some + 500], "::/"], check=True)
+    subprocess.run(["mcopy", "-i", image, *files, "::/"], check=True)
 
 
 def write_settings(card, text):
