@@ -88,7 +88,7 @@ struct LiveCameraSettings {
 };
 
 /// A camera that outlives failures of the hardware: while it is missing, refuses its settings, is unplugged or stalls,
-/// next() returns no frame, error() says why, and a thread tries to open it after 0.1 s, 0.2 s, ... 5 s. That thread
+/// next() returns no frame, error() says why, and a thread tries to open it after 0.1 s, 0.2 s, ... 1 s. That thread
 /// exists from the start, so threads that a camera starts inherit nothing from the one that calls next(). `sequence`
 /// continues without a gap. `report` is called from that thread when the reason changes, with the format that was
 /// chosen, and when the camera's frame rate is first known or becomes too slow or fast enough. Throws InputError in a

@@ -14,7 +14,8 @@ namespace finsight {
 
 namespace {
 
-constexpr std::int64_t kFirstWaitNs = 100 * kNsPerMs, kLongestWaitNs = 5000 * kNsPerMs;
+// With the time that a camera takes to be found, frames come within five seconds of plugging it in.
+constexpr std::int64_t kFirstWaitNs = 100 * kNsPerMs, kLongestWaitNs = 1000 * kNsPerMs;
 // A USB camera that has just been started may take seconds over its first frame.
 constexpr std::int64_t kFirstFrameNs = 5000 * kNsPerMs;
 
