@@ -13,6 +13,7 @@ from zeroconf import const
 import machine
 from bench import ANY_FAULT, WORK, check, step
 from boot_reads import start_moments
+from boot_updates import stick_made_by
 from exfat_stick import files_on_exfat, make_exfat_stick
 from local_link import LocalLink
 from machine import COUNTING, READY, Machine
@@ -125,12 +126,8 @@ def make_fat_stick(stick):
 
 def ask_by_stick(bench, make=make_fat_stick, files=files_on):
     """What is on a stick that `make` formats with a request for the report, once the device has seen it."""
-    bench.machine.pull_stick()
-    time.sleep(2)
     handled = bench.machine.times_logged("Finished finsight-stick")
-    stick = WORK / "stick.img"
-    make(stick)
-    bench.machine.plug_stick(stick)
+    stick = stick_made_by(bench, make)
     end = time.monotonic() + 120 * bench.machine.slowness
     while bench.machine.times_logged("Finished finsight-stick") <= handled:
         check(time.monotonic() < end, "the stick was not looked at")

@@ -10,13 +10,18 @@ from boot_recovery import sick_system
 from exfat_stick import make_exfat_stick
 
 
-def stick_with(bench, file):
+def stick_made_by(bench, make):
+    """Instead of the one that is plugged in; `make` writes its image."""
     bench.machine.pull_stick()
     time.sleep(2)
     stick = WORK / "stick.img"
-    machine.make_stick(stick, [file])
+    make(stick)
     bench.machine.plug_stick(stick)
     return stick
+
+
+def stick_with(bench, file):
+    return stick_made_by(bench, lambda stick: machine.make_stick(stick, [file]))
 
 
 def state_of(board):
