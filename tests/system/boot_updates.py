@@ -189,6 +189,9 @@ def an_update_is_installed_and_a_sick_one_left_again(bench):
     board.wait_console("this version does not work here: back to the one before", 1800)
     wait_slot(board, "b")
     bench.frames_advance(300)
+    board.wait_console("slot a held nothing that works and is now a copy of this one", 900)
+    _, sums = board.shell("for s in a b; do dd if=/dev/finsight/slot-$s bs=1M iflag=direct status=none | sha256sum; done", 300)
+    check(len(set(sums.split()[::2])) == 1, sums)
     return ""
 
 

@@ -267,7 +267,8 @@ class Update(Case):
         self.make()
         with open(self.folder / "update.lock", "w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            self.assertIn("another update", self.update().stderr)
+            self.environment["FINSIGHT_WAIT_S"] = "0.1"
+            self.assertIn("still being written", self.update().stderr)
         self.assertEqual(self.update().returncode, 0)
         answer = self.update()
         self.assertEqual((answer.returncode, "start it first" in answer.stderr), (1, True), answer.stderr)
@@ -342,6 +343,62 @@ class Update(Case):
         self.assertEqual(self.slots("trial-over").returncode, 0)
         self.assertEqual(self.record()["left"], "ii")
 
+    def put_record(self, *values):
+        self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put "$@"', "sh", *values], **self.environment)
+
+    def slot(self, name):
+        return (self.folder / f"slot-{name}").read_bytes()
+
+    def test_a_slot_that_holds_nothing_that_works_becomes_a_copy_of_the_one_that_runs(self):
+        """An update was cut off; the boot loader left a slot; it passed one over that it could not read."""
+        for record in ("a iiiiiii 0 0", "a iiiiiii 2 0", "b ii 1 0"):
+            with self.subTest(record):
+                self.put_record(*record.split())
+                (self.folder / "slot-b").write_bytes(self.new.ljust(4 * MIB, b"\0"))
+                answer = self.slots("healthy")
+                self.assertEqual((answer.returncode, "slot b held nothing that works" in answer.stderr), (0, True))
+                self.assertEqual(self.slot("b"), self.slot("a"))
+                self.assertEqual(self.record(), {"slot": "a", "left": "iiiiiiii", "spare": "1", "trial": "0"})
+
+    def test_a_whole_slot_of_another_version_is_left_alone(self):
+        self.put_record("a", "iiiiiii", "1", "0")
+        (self.folder / "slot-b").write_bytes(self.new.ljust(4 * MIB, b"\0"))
+        self.assertEqual(self.slots("healthy").returncode, 0)
+        self.assertTrue(self.slot("b").startswith(self.new))
+
+    def test_a_slot_that_an_update_is_written_to_is_left_alone(self):
+        self.put_record("a", "iiiiiiii", "0", "0")
+        (self.folder / "slot-b").write_bytes(self.new.ljust(4 * MIB, b"\0"))
+        with open(self.folder / "update.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            self.assertEqual(self.slots("healthy").returncode, 0)
+        self.assertTrue(self.slot("b").startswith(self.new))
+        self.assertEqual(self.record()["spare"], "0")
+
+    def test_a_damaged_slot_is_not_copied(self):
+        self.put_head("a")
+        self.damage("a")
+        self.put_record("a", "iiiiiii", "2", "0")
+        before = self.slot("b")
+        answer = self.slots("healthy")
+        self.assertEqual((answer.returncode, "the other one is no better" in answer.stderr), (0, True), answer.stderr)
+        self.assertEqual((self.slot("b"), self.record()["spare"]), (before, "2"))
+
+    def test_a_slot_that_does_not_keep_its_copy_is_no_spare(self):
+        self.put_record("a", "iiiiiii", "2", "0")
+        (self.folder / "slot-b").unlink()
+        (self.folder / "slot-b").symlink_to("/dev/full")
+        self.assertNotEqual(self.slots("healthy").returncode, 0)
+        self.assertEqual(self.record(), {"slot": "a", "left": "iiiiiiii", "spare": "0", "trial": "0"})
+
+    def test_an_update_that_waits_for_its_start_is_not_forgotten_when_the_firmware_starts_again(self):
+        self.make()
+        self.assertEqual(self.update().returncode, 0)
+        record = self.record()
+        for word in ("healthy", "safe-mode"):
+            self.assertEqual((self.slots(word).returncode, self.record()), (0, record), word)
+        self.assertTrue(self.slot("b").startswith(self.new))
+
     def put_head(self, slot, key=None):
         """The head of an update of what the slot holds, at its end."""
         make_update(self.folder / "head", self.old, key or self.key, "rpi4", "1", "old")
@@ -366,7 +423,7 @@ class Update(Case):
         self.damage("b")
         answer = self.slots("safe-mode")
         self.assertEqual((answer.returncode, self.record()["left"]), (0, "iiiiiiii"))
-        self.assertIn("and so is the other one", answer.stderr)
+        self.assertIn("the other one is no better", answer.stderr)
 
     def test_a_damaged_slot_is_left_for_one_from_before_a_change_of_keys(self):
         self.put_head("a")
