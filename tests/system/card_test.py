@@ -324,6 +324,8 @@ class Update(Case):
             time.sleep(1.5)
             self.assertIsNone(waiting.poll())
             self.assertEqual(self.record()["left"], "ii")
+            with open(self.folder / "update.lock", "w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # what gives the update up must not wait for this
             (self.folder / "says").write_text("measuring\n")
             self.assertEqual(waiting.wait(10), 0)
         self.assertEqual(self.record(), {"slot": "a", "left": "iiiiiiii", "spare": "1", "trial": "0"})
@@ -338,7 +340,7 @@ class Update(Case):
         put = '. "$FINSIGHT_LIB/slots"; slots_put'
         self.run_with(["sh", "-c", f"{put} a i 1 1"], **self.environment)
         self.assertEqual(self.slots("trial-over").returncode, RESTART)
-        self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "1"})
+        self.assertEqual(self.record(), {"slot": "b", "left": "iiiiiiii", "spare": "2", "trial": "0"})
         self.run_with(["sh", "-c", f"{put} a ii 1 0"], **self.environment)
         self.assertEqual(self.slots("trial-over").returncode, 0)
         self.assertEqual(self.record()["left"], "ii")
@@ -350,41 +352,73 @@ class Update(Case):
         return (self.folder / f"slot-{name}").read_bytes()
 
     def test_a_slot_that_holds_nothing_that_works_becomes_a_copy_of_the_one_that_runs(self):
-        """An update was cut off; the boot loader left a slot; it passed one over that it could not read."""
-        for record in ("a iiiiiii 0 0", "a iiiiiii 2 0", "b ii 1 0"):
+        """An update was cut off; one did not work; a slot became damaged while the other one ran."""
+        for record, harm in (("a iiiiiii 0 0", self.damage), ("a iiiiiii 2 0", None), ("a iiiiiii 1 0", self.damage),
+                             ("b ii 1 0", self.damage), ("b ii 0 0", self.damage)):
             with self.subTest(record):
+                self.put_head("a")
+                self.put_head("b")
+                if harm:
+                    harm("b")
                 self.put_record(*record.split())
-                (self.folder / "slot-b").write_bytes(self.new.ljust(4 * MIB, b"\0"))
                 answer = self.slots("healthy")
                 self.assertEqual((answer.returncode, "slot b held nothing that works" in answer.stderr), (0, True))
                 self.assertEqual(self.slot("b"), self.slot("a"))
                 self.assertEqual(self.record(), {"slot": "a", "left": "iiiiiiii", "spare": "1", "trial": "0"})
 
-    def test_a_whole_slot_of_another_version_is_left_alone(self):
-        self.put_record("a", "iiiiiii", "1", "0")
-        (self.folder / "slot-b").write_bytes(self.new.ljust(4 * MIB, b"\0"))
-        self.assertEqual(self.slots("healthy").returncode, 0)
-        self.assertTrue(self.slot("b").startswith(self.new))
+    def test_a_whole_slot_is_left_alone_whoever_signed_it_and_why_ever_the_boot_loader_left_it(self):
+        for key in (self.key, self.make_key("former")):
+            for record in ("a iiiiiii 1 0", "b ii 1 0", "b ii 0 0", "x  1 0"):
+                with self.subTest(record):
+                    (self.folder / "slot-b").write_bytes(self.old.ljust(4 * MIB, b"\1"))
+                    self.put_head("a")
+                    self.put_head("b", key)
+                    before = self.slot("b")
+                    self.put_record(*record.split(" "))
+                    self.assertEqual(self.slots("healthy").returncode, 0)
+                    self.assertEqual((self.slot("b"), self.record()["spare"]), (before, "1"))
 
-    def test_a_slot_that_an_update_is_written_to_is_left_alone(self):
-        self.put_record("a", "iiiiiiii", "0", "0")
-        (self.folder / "slot-b").write_bytes(self.new.ljust(4 * MIB, b"\0"))
-        with open(self.folder / "update.lock", "w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            self.assertEqual(self.slots("healthy").returncode, 0)
-        self.assertTrue(self.slot("b").startswith(self.new))
-        self.assertEqual(self.record()["spare"], "0")
-
-    def test_a_damaged_slot_is_not_copied(self):
-        self.put_head("a")
-        self.damage("a")
+    def test_what_is_running_is_copied_only_if_it_is_what_was_signed(self):
+        self.put_head("a", self.make_key("former"))
         self.put_record("a", "iiiiiii", "2", "0")
         before = self.slot("b")
+        self.assertEqual(self.slots("healthy").returncode, 0)
+        self.put_head("a")
+        self.damage("a")
         answer = self.slots("healthy")
         self.assertEqual((answer.returncode, "the other one is no better" in answer.stderr), (0, True), answer.stderr)
         self.assertEqual((self.slot("b"), self.record()["spare"]), (before, "2"))
 
+    def test_an_update_that_is_being_written_is_waited_for_and_neither_overwritten_nor_left_half_done(self):
+        for word in ("healthy", "trial-over", "safe-mode"):
+            self.put_head("a")
+            self.put_record("a", "i", "0", "1")
+            with open(self.folder / "update.lock", "w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                self.replace_systemctl("echo measuring")
+                process = subprocess.Popen(["sh", ROOT / "usr/lib/finsight/slots", word], stderr=subprocess.DEVNULL,
+                                           env={**os.environ, **self.environment})
+                time.sleep(0.5)
+                self.assertIsNone(process.poll(), word)
+                self.put_record("b", "iii", "1", "1")
+                (self.folder / "updated").touch()
+            self.assertEqual(process.wait(10), 0, word)
+            self.assertEqual(self.record(), {"slot": "b", "left": "iii", "spare": "1", "trial": "1"}, word)
+            (self.folder / "updated").unlink()
+
+    def test_a_reading_that_fails_once_is_no_damage(self):
+        self.put_head("a")
+        self.put_head("b")
+        cat = self.folder / "bin" / "cat"
+        self.replace_systemctl("")
+        cat.write_text(f"#!/bin/sh\nif [ -e {self.folder}/read ]; then exec /bin/cat \"$@\"; fi\n: >{self.folder}/read\nexit 1\n")
+        cat.chmod(0o755)
+        self.assertEqual(self.slots("healthy").returncode, 0)
+        self.assertTrue((self.folder / "read").exists())
+        self.assertEqual(self.record()["slot"], "a")
+
     def test_a_slot_that_does_not_keep_its_copy_is_no_spare(self):
+        self.put_head("a")
         self.put_record("a", "iiiiiii", "2", "0")
         (self.folder / "slot-b").unlink()
         (self.folder / "slot-b").symlink_to("/dev/full")
@@ -419,7 +453,7 @@ class Update(Case):
         self.damage("a")
         for word in ("healthy", "safe-mode"):
             self.assertEqual(self.slots(word).returncode, RESTART)
-            self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "0"})
+            self.assertEqual(self.record(), {"slot": "b", "left": "iiiiiiii", "spare": "2", "trial": "0"})
         self.damage("b")
         answer = self.slots("safe-mode")
         self.assertEqual((answer.returncode, self.record()["left"]), (0, "iiiiiiii"))
@@ -430,7 +464,7 @@ class Update(Case):
         self.put_head("b", self.make_key("old"))
         self.damage("a")
         self.assertEqual(self.slots("healthy").returncode, RESTART)
-        self.assertEqual(self.record(), {"slot": "a", "left": "", "spare": "1", "trial": "0"})
+        self.assertEqual(self.record(), {"slot": "b", "left": "iiiiiiii", "spare": "2", "trial": "0"})
 
     def test_a_slot_without_a_head_of_ours_is_not_judged(self):
         self.put_head("a", self.make_key("other"))
