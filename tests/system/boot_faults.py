@@ -12,7 +12,7 @@ import machine
 from bench import ANY_FAULT, CAMERA_FPS, CAMERA_LOST, SESSION, WORK, camera_settings, check, step
 from boot_found import get
 from boot_recovery import DATA_AT_MIB, ENV_AT_MIB, FULL_SPEED, RECORD_AT, SLOT_AT_MIB, damage, sick_system
-from boot_updates import stick_with, wait_for_stick, wait_slot
+from boot_updates import COPIED, stick_with, wait_for_stick, wait_slot
 from machine import READY
 from usb_camera import UsbCamera
 
@@ -21,7 +21,6 @@ DISCARD = 4  # flag of an entry without data
 SHORT = 10  # faults in the step, when no time is given
 START_S = 90  # power to measuring, with room for a repaired file system
 CAMERA_S = 5  # plugged in to measuring
-COPIED = "held nothing that works and is now a copy of this one"  # the slot that was left, from then on a spare again
 SETTINGS_REFUSED = 5  # register 1
 
 

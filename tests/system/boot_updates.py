@@ -9,6 +9,8 @@ from bench import WORK, check, step
 from boot_recovery import sick_system
 from exfat_stick import make_exfat_stick
 
+COPIED = "held nothing that works and is now a copy of this one"  # the slot that was left, from then on a spare again
+
 
 def stick_made_by(bench, make):
     """Instead of the one that is plugged in; `make` writes its image."""
@@ -194,7 +196,7 @@ def an_update_is_installed_and_a_sick_one_left_again(bench):
     board.wait_console("this version does not work here: back to the one before", 1800)
     wait_slot(board, "b")
     bench.frames_advance(300)
-    board.wait_console("slot a held nothing that works and is now a copy of this one", 900)
+    board.wait_console(f"slot a {COPIED}", 900)
     _, sums = board.shell("for s in a b; do dd if=/dev/finsight/slot-$s bs=1M iflag=direct status=none | sha256sum; done", 300)
     check(len(set(sums.split()[::2])) == 1, sums)
     return ""

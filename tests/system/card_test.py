@@ -206,6 +206,9 @@ class Update(Case):
     def slots(self, *words):
         return self.run_with(["sh", ROOT / "usr/lib/finsight/slots", *words], **self.environment)
 
+    def put_record(self, *values):
+        self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put "$@"', "sh", *values], **self.environment)
+
     def record(self):
         block = (self.folder / "env").read_bytes()[8192:9216]
         self.assertTrue(block.startswith(b"# GRUB Environment Block\n"), block)
@@ -291,7 +294,7 @@ class Update(Case):
         chance = random.Random(3)
         switched = 0
         for _ in range(40):
-            self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put a iiiiiiii 1 0'], **self.environment)
+            self.put_record("a", "iiiiiiii", "1", "0")
             (self.folder / "slot-b").write_bytes(self.old.ljust(4 * MIB, b"\0"))
             (self.folder / "updated").unlink(missing_ok=True)
             process = subprocess.Popen(["sh", ROOT / "usr/sbin/finsight-update", self.file], start_new_session=True,
@@ -318,7 +321,7 @@ class Update(Case):
     def test_an_update_is_healthy_when_the_sensor_measures_not_when_it_looks_for_the_camera(self):
         self.replace_systemctl(f"cat {self.folder}/says")
         (self.folder / "says").write_text("looking for the camera\n")
-        self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put a ii 1 1'], **self.environment)
+        self.put_record("a", "ii", "1", "1")
         with subprocess.Popen(["sh", ROOT / "usr/lib/finsight/slots", "healthy"],
                               env={**os.environ, **self.environment}) as waiting:
             time.sleep(1.5)
@@ -332,21 +335,17 @@ class Update(Case):
 
     def test_a_slot_that_was_healthy_before_needs_no_camera_to_stay_so(self):
         self.replace_systemctl("echo looking for the camera")
-        self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put a ii 1 0'], **self.environment)
+        self.put_record("a", "ii", "1", "0")
         self.assertEqual(self.slots("healthy").returncode, 0)
         self.assertEqual(self.record()["left"], "iiiiiiii")
 
     def test_starts_are_filled_up_when_healthy_and_taken_when_an_update_is_sick(self):
-        put = '. "$FINSIGHT_LIB/slots"; slots_put'
-        self.run_with(["sh", "-c", f"{put} a i 1 1"], **self.environment)
+        self.put_record("a", "i", "1", "1")
         self.assertEqual(self.slots("trial-over").returncode, RESTART)
         self.assertEqual(self.record(), {"slot": "b", "left": "iiiiiiii", "spare": "2", "trial": "0"})
-        self.run_with(["sh", "-c", f"{put} a ii 1 0"], **self.environment)
+        self.put_record("a", "ii", "1", "0")
         self.assertEqual(self.slots("trial-over").returncode, 0)
         self.assertEqual(self.record()["left"], "ii")
-
-    def put_record(self, *values):
-        self.run_with(["sh", "-c", '. "$FINSIGHT_LIB/slots"; slots_put "$@"', "sh", *values], **self.environment)
 
     def slot(self, name):
         return (self.folder / f"slot-{name}").read_bytes()
