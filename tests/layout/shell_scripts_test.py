@@ -1,20 +1,18 @@
 #!/usr/bin/python3
-"""Every shell script of the project is one that its shell can read.
-
-usage: tests/layout/shell_scripts_test.py [FOLDER]   (default: the project's own)
-"""
+"""Every shell script of the project is one that its shell can read."""
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
 
+SOURCE = Path(__file__).resolve().parents[2]
 SKIPPED = {".git", "build", "node_modules"}
 
 
-def shell_scripts(folder):
+def shell_scripts():
     """(file, shell) of every file whose first line names a shell."""
-    for root, folders, names in os.walk(folder):
+    for root, folders, names in os.walk(SOURCE):
         folders[:] = [name for name in folders if name not in SKIPPED]
         for name in names:
             file = Path(root, name)
@@ -29,8 +27,7 @@ def shell_scripts(folder):
 
 
 def main():
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).resolve().parents[2])
-    scripts = list(shell_scripts(folder))
+    scripts = list(shell_scripts())
     broken = 0
     for file, shell in scripts:
         checked = subprocess.run([shell, "-n", str(file)], capture_output=True, text=True)
