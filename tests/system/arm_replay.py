@@ -5,6 +5,7 @@ one count. Skips unless the workstation's programs are built (cmake --build --pr
 usage: arm_replay.py SOURCE_DIR BOARD_FINSIGHTD [EMULATOR...]
 """
 import csv
+import shutil
 import struct
 import subprocess
 import sys
@@ -60,6 +61,7 @@ if not ((HOST / "hostgen").exists() and (HOST / "finsightd").exists()):
 WORK.mkdir(parents=True, exist_ok=True)
 pack = WORK / "srm.safetensors"
 if not pack.exists() or pack.stat().st_mtime < max((HOST / "hostgen").stat().st_mtime, SPEC.stat().st_mtime):
+    shutil.rmtree(f"{pack}.paths", ignore_errors=True)  # of a run that was cut off, perhaps by another version
     run(HOST / "hostgen", "build", SPEC, "-o", pack, "--profile", "quick")
 run(HOST / "hostgen", "render", SPEC, "-o", WORK / "session", "--seconds", 2)
 for tier in ("newton", "contact"):
