@@ -1,7 +1,5 @@
 #include "firmware/loop/gravity.h"
 
-#include <algorithm>
-
 namespace finsight {
 
 GravityCorrection::GravityCorrection(const TouchModel& model, const std::optional<Vec3f>& fixed_g)
@@ -13,15 +11,16 @@ GravityCorrection::GravityCorrection(const TouchModel& model, const std::optiona
 float GravityCorrection::apply(bool is_zeroed, PlatePoses& poses) const {
   if (!felt_g_ || (is_zeroed && !at_zero_g_)) return is_zeroed ? kUnknownSinceZero_g : kUnknown_g;
   if (is_fixed_ && is_zeroed) return 0;
-  const Vec3f change_g = is_zeroed ? Vec3f(*felt_g_ - *at_zero_g_) : *felt_g_;
+  const Vec3f before_g = is_zeroed ? *at_zero_g_ : Vec3f::Zero();
+  const Vec3f change_g = *felt_g_ - before_g;
   const PoseVector motion = per_g_ * change_g;
   for (int p = 0; p < kPlates; ++p) {
     PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];
     plate.displacement_mm -= motion.segment<3>(6 * p);
     plate.rotation_rad -= motion.segment<3>(6 * p + 3);
   }
-  const float changed_g = change_g.norm(), beyond_g = std::max(changed_g - 1, 0.0F);
-  return (is_fixed_ ? 0 : kKnown_g) + kKnownChange * changed_g + kKnownBeyond1g * beyond_g * beyond_g;
+  const float changed_g = change_g.norm(), summed_g = (*felt_g_ + before_g).norm();
+  return (is_fixed_ ? 0 : kKnown_g) + kKnownChange * changed_g + kKnownChangeOfSquare_per_g * changed_g * summed_g;
 }
 
 }  // namespace finsight

@@ -12,11 +12,12 @@ namespace finsight {
 /// pack.
 class GravityCorrection {
  public:
-  /// Left over where the direction is known, in g: two degrees of the arm's own error, and of the change since the zero
-  /// what a bent finger answers otherwise than an unbent one. That grows faster beyond 1 g, with the square.
-  static constexpr float kKnown_g = 0.03F, kKnownChange = 0.12F, kKnownBeyond1g = 0.12F;
-  /// Two random directions differ by 0.82 g along each axis, and an arm adds up to 2 g of its own.
-  static constexpr float kUnknownSinceZero_g = 1.2F, kUnknown_g = 1.0F;
+  /// Left over where the direction is known, in g: two degrees of the arm's own error; of the change since the zero what
+  /// a bent finger answers otherwise than an unbent one; and what grows with the square, which a turn by 180 degrees
+  /// leaves as it was. `scripts/report scene` shows whether radii then hold.
+  static constexpr float kKnown_g = 0.03F, kKnownChange = 0.09F, kKnownChangeOfSquare_per_g = 0.05F;
+  /// Two random directions differ by 0.82 g along each axis, opposite ones by 1.15 g; an arm adds up to 2 g of its own.
+  static constexpr float kUnknownSinceZero_g = 1.1F, kUnknown_g = 1.0F;
 
   /// `fixed_g`: the acceleration of things that fall, in the finger frame, where the finger never turns.
   GravityCorrection(const TouchModel& model, const std::optional<Vec3f>& fixed_g);

@@ -54,15 +54,16 @@ class Finger {
     }
   }
 
-  void zero(const std::array<PlateMotion, kPlates>& plates) {
-    loop_.gravity().set_felt(Vec3f(0, -1, 0));
+  void zero(const CaseState& solved) {
+    loop_.gravity().set_felt(solved.zero_g.cast<float>());
     if (case_.gravity == SceneCase::Gravity::kUnknown) loop_.gravity().set_felt(std::nullopt);
     loop_.zeroing().begin();
-    while (!loop_.zeroing().take_outcome()) measure(plates);
+    while (!loop_.zeroing().take_outcome()) measure(solved.at_zero);
   }
 
-  Trial touch(const FemState& state) {
-    if (case_.gravity == SceneCase::Gravity::kKnown) loop_.gravity().set_felt(case_.felt_g.cast<float>());
+  Trial touch(const CaseState& solved) {
+    const FemState& state = solved.state;
+    if (case_.gravity == SceneCase::Gravity::kKnown) loop_.gravity().set_felt(solved.felt_g.cast<float>());
     const RegisterImage& image = measure(state.plates);
     const std::uint16_t status = image.words[address_of("status")];
     Trial trial;
@@ -149,8 +150,8 @@ std::vector<Trial> run_case(const Model& model, const FingerSpec& spec, const Sc
   for (const CaseState& solved : states) {
     for (int k = 0; k < kRepeats; ++k) {
       Finger finger(model, spec, scene_case, random);
-      if (scene_case.marker_mm > 0 || scene_case.gravity != SceneCase::Gravity::kNone) finger.zero(solved.at_zero);
-      trials.push_back(finger.touch(solved.state));
+      if (scene_case.marker_mm > 0 || scene_case.gravity != SceneCase::Gravity::kNone) finger.zero(solved);
+      trials.push_back(finger.touch(solved));
     }
   }
   return trials;

@@ -1,5 +1,6 @@
 #include "hostgen/report/scene_cases.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -84,6 +85,10 @@ ShapeMeasures measured(const TetMesh& mesh, const std::vector<double>& displacem
   return measure_shape<double>(rest_mm, front, displacement_mm);
 }
 
+Eigen::Vector3d any_direction(Random& random) {
+  return Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
+}
+
 std::array<PlateMotion, kPlates> hanging(FingerStatics& statics, const FaceContact& somewhere,
                                          const Eigen::Vector3d& felt_g) {
   statics.begin({somewhere}, felt_g);
@@ -126,15 +131,16 @@ std::vector<SceneCase> scene_cases() {
        .scenes = all,
        .marker_mm = 0.5 / std::sqrt(3.0),
        .marker_rad = kDegree / std::sqrt(3.0)});
-  const Eigen::Vector3d level(0, 0, 1), sideways(1, 0, 0), down(0, 1, 0);
-  add({.name = "turned by 90 deg, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = level});
-  add({.name = "turned by 90 deg, unknown", .scenes = all, .gravity = Gravity::kUnknown, .felt_g = level});
-  add({.name = "turned sideways, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = sideways});
-  add({.name = "turned sideways, unknown", .scenes = all, .gravity = Gravity::kUnknown, .felt_g = sideways});
-  add({.name = "turned by 180 deg, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = down});
-  add({.name = "turned by 180 deg, unknown", .scenes = all, .gravity = Gravity::kUnknown, .felt_g = down});
-  add({.name = "3 g, known", .scenes = all, .gravity = Gravity::kKnown, .felt_g = 3 * level});
-  add({.name = "3 g, unknown", .gravity = Gravity::kUnknown, .felt_g = 3 * level});
+  const double right_angle = 90 * kDegree;
+  add({.name = "turned by 90 deg, known", .scenes = all, .gravity = Gravity::kKnown, .turned_rad = right_angle});
+  add({.name = "turned by 90 deg, unknown", .scenes = all, .gravity = Gravity::kUnknown, .turned_rad = right_angle});
+  add({.name = "turned by 180 deg, known", .scenes = all, .gravity = Gravity::kKnown, .turned_rad = 2 * right_angle});
+  add({.name = "turned by 180 deg, unknown",
+       .scenes = all,
+       .gravity = Gravity::kUnknown,
+       .turned_rad = 2 * right_angle});
+  add({.name = "3 g, known", .scenes = all, .gravity = Gravity::kKnown, .turned_rad = right_angle, .felt_g = 3});
+  add({.name = "3 g, unknown", .gravity = Gravity::kUnknown, .turned_rad = right_angle, .felt_g = 3});
   add({.name = "two points 1:1", .scenes = both, .load = Load::kTwo, .second_share = 0.5});
   add({.name = "two points 2:1", .scenes = both, .load = Load::kTwo, .second_share = 1.0 / 3});
   add({.name = "pushed at a side", .load = Load::kSide});
@@ -159,8 +165,6 @@ std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene
   const std::vector<Vec3f> at = touch_points(spec, places);
   std::vector<std::vector<CaseState>> found(at.size());
   const bool hangs = scene_case.gravity != Gravity::kNone;
-  const Eigen::Vector3d felt_g = hangs ? scene_case.felt_g : Eigen::Vector3d::Zero(),
-                        zero_g = hangs ? Eigen::Vector3d(0, -1, 0) : Eigen::Vector3d::Zero();
   parallel_for(at.size(), [&](std::size_t i) {
     Random random(7'000'000 + i);
     const Eigen::Vector2d away_mm(random.uniform(-4, 4), random.uniform(-4, 4));
@@ -169,13 +173,16 @@ std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene
     FingerStatics statics(finger);
     CaseState solved{.state = {}, .shape = {}, .untouched = {}, .at_zero = {}};
     if (hangs) {
-      solved.untouched = hanging(statics, contacts.front(), felt_g);
-      solved.at_zero = hanging(statics, contacts.front(), zero_g);
+      solved.zero_g = any_direction(random);
+      const Eigen::Vector3d axis = solved.zero_g.cross(any_direction(random)).normalized();
+      solved.felt_g = scene_case.felt_g * (Eigen::AngleAxisd(scene_case.turned_rad, axis) * solved.zero_g);
+      solved.untouched = hanging(statics, contacts.front(), solved.felt_g);
+      solved.at_zero = hanging(statics, contacts.front(), solved.zero_g);
     }
     std::array<double, kForces> force_n;
     for (double& f : force_n) f = random.uniform(spec.force_n[0], spec.force_n[1]);
     std::ranges::sort(force_n);
-    statics.begin(contacts, felt_g);
+    statics.begin(contacts, solved.felt_g);
     for (const double f : force_n) {
       if (!statics.press(f)) break;
       solved.state = statics.state();

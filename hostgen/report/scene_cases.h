@@ -24,7 +24,7 @@ struct SceneCase {
   double marker_mm = 0, marker_rad = 0;  ///< how far markers stick from their place: standard deviations, by axis
   enum class Gravity { kNone, kKnown, kUnknown };
   Gravity gravity = Gravity::kNone;
-  Eigen::Vector3d felt_g = {0, -1, 0};  ///< at the touch; at the zero the finger stands upright. With gravity only
+  double turned_rad = 0, felt_g = 1;  ///< with gravity, between the zero and the touch: in any direction, from any pose
   enum class Motion { kTouch, kLoosePlate, kSwing };
   Motion motion = Motion::kTouch;  ///< what else moves the plates
 
@@ -43,6 +43,7 @@ struct CaseState {
   FemState state;
   ShapeMeasures shape;
   std::array<PlateMotion, kPlates> untouched, at_zero;
+  Eigen::Vector3d felt_g = Eigen::Vector3d::Zero(), zero_g = felt_g;  ///< at the touch, and at the zero
 };
 /// States at `places` places, two forces each; those that are no equilibrium are left out. On all cores; the same
 /// arguments give the same states.

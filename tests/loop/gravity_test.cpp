@@ -37,18 +37,27 @@ TEST_CASE("gravity: what a turn since the zero bends is taken out") {
   gravity.set_at_zero(gravity.felt());
   gravity.set_felt(kLevel);
   PlatePoses poses;
-  CHECK(gravity.apply(true, poses) ==
-        doctest::Approx(0.03 + 0.12 * std::sqrt(2.0) + 0.12 * std::pow(std::sqrt(2.0) - 1, 2)));
+  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.09 * std::sqrt(2.0) + 0.05 * 2));
   // Of plate 1, numbers 6 to 11: z adds i + 200, the lost -y adds i + 100.
   CHECK(poses.plates[1].displacement_mm == Vec3f(-312, -314, -316));
   CHECK(poses.plates[1].rotation_rad == Vec3f(-318, -320, -322));
+}
+
+TEST_CASE("gravity: what grows with the square of the acceleration is the same after a turn by 180 degrees") {
+  GravityCorrection gravity = correction();
+  gravity.set_at_zero(kUp);
+  PlatePoses poses;
+  gravity.set_felt(Vec3f(-kUp));
+  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.09 * 2));
+  gravity.set_felt(Vec3f(3 * kUp));
+  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.09 * 2 + 0.05 * 8));
 }
 
 TEST_CASE("gravity: without a zero the whole weight is taken out, as the model's rest is without any") {
   GravityCorrection gravity = correction();
   gravity.set_felt(kLevel);
   PlatePoses poses;
-  CHECK(gravity.apply(false, poses) == doctest::Approx(0.15));
+  CHECK(gravity.apply(false, poses) == doctest::Approx(0.17));
   CHECK(poses.plates[0].displacement_mm == Vec3f(-200, -201, -202));
 }
 
@@ -71,6 +80,6 @@ TEST_CASE("gravity: a finger that never turns needs nothing but its zero") {
   CHECK(poses.plates[0].displacement_mm == Vec3f::Zero());
   gravity.set_felt(std::nullopt);  // no client changes that
   gravity.set_at_zero(std::nullopt);
-  CHECK(gravity.apply(false, poses) == doctest::Approx(0.12));
+  CHECK(gravity.apply(false, poses) == doctest::Approx(0.14));
   CHECK(poses.plates[0].displacement_mm == Vec3f(100, 101, 102));
 }
