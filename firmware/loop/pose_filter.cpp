@@ -1,7 +1,5 @@
 #include "firmware/loop/pose_filter.h"
 
-#include <cmath>
-
 #include "firmware/geometry/plate_motion.h"
 
 namespace finsight {
@@ -18,18 +16,10 @@ void PoseFilter::apply(PlatePoses& poses, std::int64_t exposure_ns) {
   const bool follows =
       last_.quality == Quality::kFresh && last_.seen == poses.seen && elapsed_ns > 0 && elapsed_ns < kLongestGap_ns;
   last_ns_ = exposure_ns;
-  if (!follows) {
-    noise_share_ = 1;
-    last_ = poses;
-    return;
+  if (follows) {
+    const auto part = static_cast<float>(elapsed_ns / (delay_ns_ + elapsed_ns));
+    for (int p = 0; p < kPlates; ++p) poses.plates[p] = lerp(last_.plates[p], poses.plates[p], part);
   }
-  const double share = elapsed_ns / (delay_ns_ + elapsed_ns);
-  const auto part = static_cast<float>(share);
-  for (int p = 0; p < kPlates; ++p) {
-    poses.plates[p] = lerp(last_.plates[p], poses.plates[p], part);
-  }
-  noise_share_ = std::hypot(share, (1 - share) * noise_share_);
-  for (float& noise : poses.noise) noise *= static_cast<float>(noise_share_);
   last_ = poses;
 }
 

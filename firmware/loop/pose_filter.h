@@ -8,7 +8,8 @@
 namespace finsight {
 
 /// First-order low-pass: a steady move comes out `delay_ms` late, and the variance of white noise is multiplied by
-/// dt / (2 delay_ms).
+/// dt / (2 delay_ms). What the poses say of their noise stays that of a single frame: no finger is exactly the one that
+/// the touch network learnt, and told of less noise the network takes the difference for a touch.
 class PoseFilter {
  public:
   /// 0: poses pass unchanged.
@@ -23,7 +24,6 @@ class PoseFilter {
   double delay_ns_;
   PlatePoses last_;
   std::int64_t last_ns_ = 0;
-  double noise_share_ = 1;  ///< remaining part of the measurement's standard deviation
 };
 
 }  // namespace finsight

@@ -50,15 +50,21 @@ bool VirtualDevice::zero(const std::array<PlateMotion, kPlates>& plates) {
   return done;
 }
 
-std::vector<TouchReading> VirtualDevice::measure(const std::array<PlateMotion, kPlates>& plates, double after_s) {
-  time_s_ += after_s;
-  sequence_ += after_s > 2 * kFrame_s ? 100 : 1;  // a touch that changes between distant frames is not a shaken hand
-  const Observation observed{
-      .exposure_ns = static_cast<std::int64_t>(time_s_ * 1e9), .sequence = sequence_, .poses = seen(plates)};
+std::vector<TouchReading> VirtualDevice::measure(const std::array<PlateMotion, kPlates>& plates, double after_s,
+                                                 int frames) {
   std::vector<TouchReading> readings;
-  for (const auto& loop : loops_) {
-    loop->step(observed);
-    readings.push_back(touch_reading(*loop, time_s_));
+  for (int frame = 0; frame < frames; ++frame) {
+    const double step_s = frame == 0 ? after_s - kFrame_s * (frames - 1) : kFrame_s;
+    time_s_ += step_s;
+    // A touch that changes between distant frames is not a shaken hand.
+    sequence_ += frame == 0 && after_s > 2 * kFrame_s ? 100 : 1;
+    const Observation observed{
+        .exposure_ns = static_cast<std::int64_t>(time_s_ * 1e9), .sequence = sequence_, .poses = seen(plates)};
+    readings.clear();
+    for (const auto& loop : loops_) {
+      loop->step(observed);
+      readings.push_back(touch_reading(*loop, time_s_));
+    }
   }
   return readings;
 }

@@ -18,8 +18,9 @@ class VirtualDevice {
   VirtualDevice(const Model& model, const FingerSpec& believed, const VirtualFinger& finger,
                 const std::vector<LoopSettings>& settings, std::uint64_t seed);
 
-  /// One frame of plates that are there `after_s` after the last one; a reading per setting.
-  std::vector<TouchReading> measure(const std::array<PlateMotion, kPlates>& plates, double after_s);
+  /// Looks at plates for some frames, the last of them `after_s` after the last one before; a reading per setting, of
+  /// that frame.
+  std::vector<TouchReading> measure(const std::array<PlateMotion, kPlates>& plates, double after_s, int frames = 1);
   /// Takes the plates as they are for the finger at rest. False: that was refused.
   bool zero(const std::array<PlateMotion, kPlates>& plates);
 

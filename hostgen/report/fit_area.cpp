@@ -29,7 +29,12 @@ constexpr double kRest_s = 120;  // between two touches
 constexpr double kLightest_n = 1, kHeaviest_n = 6;
 constexpr double kFirm_mm = 4;  // plate motion from which on touches are counted
 
-// The finger as its pack takes it, as fitted, and with one part of the fit left out each.
+// Poses smoothed by 50 ms, as a board file can ask for: they have settled when a reading of 0.2 s ends.
+constexpr double kSmoothing_ms = 50;
+constexpr int kFrames = 12;        // of a reading
+constexpr int kFramesAtRest = 60;  // before a zero: until a smoothing device has forgotten the touch
+
+// The finger as its pack takes it, as fitted, with one part of the fit left out each, and fitted with smoothed poses.
 enum Variant : std::size_t {
   kBefore,
   kAfter,
@@ -37,10 +42,11 @@ enum Variant : std::size_t {
   kWithoutCreep,
   kWithoutHysteresis,
   kWithoutOffset,
+  kSmoothed,
   kVariants
 };
 constexpr std::array<const char*, kVariants> kVariantNames = {
-    "before", "after", "without_scale", "without_creep", "without_hysteresis", "without_offset"};
+    "before", "after", "without_scale", "without_creep", "without_hysteresis", "without_offset", "smoothed"};
 
 /// Errors of one finger, or of all.
 struct Errors {
@@ -84,9 +90,11 @@ struct Errors {
 /// One finger on the bench: its places, its material's memory, and the devices that look at it.
 class Bench {
  public:
-  Bench(const VirtualFinger& finger, VirtualDevice& device, const FingerSpec& nominal)
+  /// `smoothing`: a device that needs a row of frames for a reading.
+  Bench(const VirtualFinger& finger, VirtualDevice& device, VirtualDevice& smoothing, const FingerSpec& nominal)
       : finger_(finger),
         device_(device),
+        smoothing_(smoothing),
         memory_(finger.memory()),
         stiffness_(finger.spec.youngs_modulus_mpa / nominal.youngs_modulus_mpa) {}
 
@@ -94,17 +102,23 @@ class Bench {
 
   /// The finger is let go for two minutes and zeroed.
   void rest(const PressedPlace& last) {
-    const double left_n = memory_.bends_as_n(0, kRest_s);
-    device_.zero(last.plates(left_n / stiffness_));
+    const std::array<PlateMotion, kPlates> plates = last.plates(memory_.bends_as_n(0, kRest_s) / stiffness_);
+    device_.zero(plates);
+    smoothing_.measure(plates, kRest_s, kFramesAtRest);
+    smoothing_.zero(plates);
   }
+  /// Readings of both devices.
   std::vector<TouchReading> press(const PressedPlace& place, double force_n) {
     const double as_n = memory_.bends_as_n(finger_.at_fit_temperature_n(force_n), kReading_s);
-    return device_.measure(place.plates(as_n / stiffness_), kReading_s);
+    const std::array<PlateMotion, kPlates> plates = place.plates(as_n / stiffness_);
+    std::vector<TouchReading> readings = device_.measure(plates, kReading_s);
+    for (const TouchReading& smoothed : smoothing_.measure(plates, kReading_s, kFrames)) readings.push_back(smoothed);
+    return readings;
   }
 
  private:
   const VirtualFinger& finger_;
-  VirtualDevice& device_;
+  VirtualDevice &device_, &smoothing_;
   MaterialMemory memory_;
   double stiffness_;
 };
@@ -135,18 +149,24 @@ Places solve_places(const VirtualFinger& finger, const FingerSpec& nominal, int 
 }
 
 /// What a user hangs up: six, three and two and a half newtons from the lowest row on, a minute in the middle of each.
-std::vector<WeightRecord> weigh(const Places& places, const FitBasis& basis, Bench& bench) {
+/// The records of each of the bench's devices.
+std::vector<std::vector<WeightRecord>> weigh(const Places& places, const FitBasis& basis, std::size_t devices,
+                                             Bench& bench) {
   constexpr std::array<double, 3> kForces_n = {5.9, 2.9, 2.45};
-  std::vector<WeightRecord> records;
+  std::vector<std::vector<WeightRecord>> records(devices);
   for (std::size_t h = 0; h < places.holes.size(); ++h) {
     const PressedPlace& place = places.holes[h];
     const double force_n = std::min(kForces_n[3 * h / places.holes.size()], bench.strongest_n(place));
     bench.rest(place);
-    WeightRecord record{
-        .name = "hole " + std::to_string(h + 1), .hole = basis.holes[h].number, .force_n = force_n, .readings = {}};
+    for (auto& of_device : records) {
+      of_device.push_back(
+          {.name = "hole " + std::to_string(h + 1), .hole = basis.holes[h].number, .force_n = force_n, .readings = {}});
+    }
     const int readings = h % 3 == 1 ? 300 : 35;
-    for (int i = 0; i < readings; ++i) record.readings.push_back(bench.press(place, force_n).front());
-    records.push_back(std::move(record));
+    for (int i = 0; i < readings; ++i) {
+      const std::vector<TouchReading> of_devices = bench.press(place, force_n);
+      for (std::size_t d = 0; d < devices; ++d) records[d].back().readings.push_back(of_devices[d]);
+    }
   }
   return records;
 }
@@ -208,8 +228,8 @@ void hold_for_a_minute(const Places& places, Bench& bench, AllErrors& errors) {
 }
 
 std::vector<LoopSettings> variants_of(const FitValues& fit) {
-  std::vector<LoopSettings> settings(kVariants);
-  for (std::size_t v = kAfter; v < kVariants; ++v) settings[v].fit = fit;
+  std::vector<LoopSettings> settings(kSmoothed);
+  for (std::size_t v = kAfter; v < kSmoothed; ++v) settings[v].fit = fit;
   settings[kWithoutScale].fit->force_scale = 1;
   settings[kWithoutScale].fit->force_slope.fill(0);
   settings[kWithoutCreep].fit->creep_share = 0;
@@ -223,7 +243,7 @@ struct FingerResult {
   AllErrors errors;
   FitValues fit;
   double stiffness = 1;
-  std::string refused;  ///< by the fit, why
+  std::string refused, smoothed_refused;  ///< by the fit, why
 };
 
 FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBasis& basis, std::uint64_t number,
@@ -232,19 +252,30 @@ FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBas
   const Places places = solve_places(finger, spec, others);
   FingerResult result;
   result.stiffness = finger.spec.youngs_modulus_mpa / spec.youngs_modulus_mpa;
-  VirtualDevice unfitted(model, spec, finger, std::vector<LoopSettings>(1), 2 * number);
-  Bench at_fit(finger, unfitted, spec);
-  try {
-    result.fit = fit_weights(basis, weigh(places, basis, at_fit), 1).values;
-  } catch (const InputError& error) {
-    result.refused = error.what();
-    return result;
-  }
-  VirtualDevice devices(model, spec, finger, variants_of(result.fit), 2 * number + 1);
-  Bench in_use(finger, devices, spec);
+  LoopSettings smoothing;
+  smoothing.smoothing_ms = kSmoothing_ms;
+  VirtualDevice unfitted(model, spec, finger, {{}}, 2 * number),
+      unfitted_smoothing(model, spec, finger, {smoothing}, 2 * number);
+  Bench at_fit(finger, unfitted, unfitted_smoothing, spec);
+  const std::vector<std::vector<WeightRecord>> records = weigh(places, basis, 2, at_fit);
+  const auto fit = [&](const std::vector<WeightRecord>& weights, FitValues& values) -> std::string {
+    try {
+      values = fit_weights(basis, weights, 1).values;
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  result.refused = fit(records[0], result.fit);
+  if (!result.refused.empty()) return result;
+  result.smoothed_refused = fit(records[1], smoothing.fit.emplace());
+  VirtualDevice devices(model, spec, finger, variants_of(result.fit), 2 * number + 1),
+      smoothing_device(model, spec, finger, {smoothing}, 2 * number + 1);
+  Bench in_use(finger, devices, smoothing_device, spec);
   Random random(number + 500);
   touch_elsewhere(places, random, in_use, result.errors);
   hold_for_a_minute(places, in_use, result.errors);
+  if (!result.smoothed_refused.empty()) result.errors[kSmoothed] = {};
   return result;
 }
 
@@ -295,6 +326,7 @@ json measure_fits(const Model& model, const FingerSpec& spec, const std::filesys
       ++refused;
       row["refused"] = result.refused;
     }
+    if (!result.smoothed_refused.empty()) row["smoothed_refused"] = result.smoothed_refused;
     rows.push_back(row);
     for (std::size_t v = 0; v < kVariants; ++v) all[v].add(result.errors[v]);
   }
