@@ -146,6 +146,7 @@ TouchModel read_touch(PackReader& pack) {
   touch.output_scale = pack.tensor<float>(tensor::kTouchOutputScale, {TouchModel::kOutputs});
   const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMaxKnots);
   touch.radius_curve = pack.tensor<float>(tensor::kTouchRadiusCurve, {knots, 3});
+  touch.seen_factor = pack.tensor<float>(tensor::kTouchSeenFactor, {TouchModel::kSeenPatterns});
   touch.face_axes = pack.tensor<float>(tensor::kTouchFaceAxes, {3, 3});
   touch.per_g = pack.tensor<float>(tensor::kTouchPerG, {kPoseDims, 3});
   std::int64_t inputs = TouchModel::kInputs;
@@ -245,6 +246,7 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   positive(tensor::kTouchInputScale, model.touch.input_scale);
   positive(tensor::kTouchOutputScale, model.touch.output_scale);
   check_radius_curve(file, model.touch.radius_curve);
+  positive(tensor::kTouchSeenFactor, model.touch.seen_factor);
   check_face_axes(file, model.touch.face_axes);
   check_range(file, tensor::kTouchPerG, model.touch.per_g, -kLargestPerG, kLargestPerG);
   for (std::size_t i = 0; i < model.touch.layers.size(); ++i) {

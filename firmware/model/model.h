@@ -64,7 +64,8 @@ struct DenseInt8 {
 struct TouchModel {
   static constexpr int kInputs = kPoseDims + 1 + kPlates;  // direction, size, noise
   static constexpr int kMeans = 12;                        // point, displacement, force, moment
-  static constexpr int kOutputs = 22;   // the means, a log-sigma each of point, force and moment, the log-odds
+  static constexpr int kOutputs = 22;  // the means, a log-sigma each of point, force and moment, the log-odds
+  static constexpr int kSeenPatterns = (1 << kPlates) - 1;
   std::span<const float> scale;         ///< [kPoseDims] mm or mm per rad, before taking the direction
   std::span<const float> input_mean;    ///< [kInputs]
   std::span<const float> input_scale;   ///< [kInputs] multiplies (input - mean)
@@ -73,7 +74,9 @@ struct TouchModel {
   /// [knots, 3] plate motion (mm, ascending), a, b: the radius at that motion is exp(a) times the network's to the b,
   /// linear in between, constant beyond.
   std::span<const float> radius_curve;
-  std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 256 -> 22, ReLU between
+  /// [kSeenPatterns] factors of that radius where only some plates are seen, at seen_index(); the last is 1.
+  std::span<const float> seen_factor;
+  std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 512 -> 22, algebraic_silu() between
   std::span<const float>
       face_axes;                 ///< [3, 3] unit vectors in the finger frame: the face's inward normal, across, along
   float threshold_mm = 0;        ///< plate motion below which a touch is invalid
@@ -161,6 +164,7 @@ inline constexpr const char* kTouchInputScale = "touch.input_scale";
 inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
 inline constexpr const char* kTouchRadiusCurve = "touch.radius_curve";
+inline constexpr const char* kTouchSeenFactor = "touch.seen_factor";
 inline constexpr const char* kTouchFaceAxes = "touch.face_axes";  // [3, 3]
 inline constexpr const char* kTouchPerG = "touch.motion_per_g";   // [kPoseDims, 3]
 inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
@@ -184,7 +188,7 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "3";
+inline constexpr const char* kFormatVersion = "4";
 inline constexpr const char* kFinger = "finger";
 inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";

@@ -1,6 +1,5 @@
 #include "firmware/touch/int8_network.h"
 
-#include <algorithm>
 #include <cstring>
 
 namespace finsight {
@@ -45,11 +44,11 @@ float dot(const std::int8_t* weights, const float* x, std::size_t count) {
 
 }  // namespace
 
-void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y, bool relu) {
+void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y, bool is_hidden) {
   const auto inputs = static_cast<std::size_t>(layer.inputs);
   for (std::size_t o = 0; o < y.size(); ++o) {
     const float sum = layer.scale[o] * dot(layer.weights.data() + o * inputs, x.data(), inputs) + layer.bias[o];
-    y[o] = relu ? std::max(sum, 0.0f) : sum;
+    y[o] = is_hidden ? algebraic_silu(sum) : sum;
   }
 }
 

@@ -1,12 +1,19 @@
 // The layers of the touch network: int8 weights, float activations.
 #pragma once
 
+#include <cmath>
+
 #include "firmware/model/model.h"
 
 namespace finsight {
 
-/// y = scale .* (weights x) + bias, then max(y, 0) if `relu`. x: [layer.inputs], y: [layer.outputs], not overlapping.
-/// Always adds in the same order (16 partial sums, then a fixed tree), so that x86-64 and ARM give the same floats.
-void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y, bool relu);
+/// What a hidden layer does to its sums: x / 2 (1 + x / sqrt(1 + x^2)), smooth as what it approximates. Of exactly
+/// rounded operations only, so that every processor gives the same floats.
+inline float algebraic_silu(float x) { return 0.5F * x * (1 + x / std::sqrt(1 + x * x)); }
+
+/// y = scale .* (weights x) + bias, of a hidden layer algebraic_silu() of that. x: [layer.inputs], y: [layer.outputs],
+/// not overlapping. Always adds in the same order (16 partial sums, then a fixed tree), so that x86-64 and ARM give the
+/// same floats.
+void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y, bool is_hidden);
 
 }  // namespace finsight

@@ -40,6 +40,12 @@ float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, 
   return exp_float(at(1) + at(2) * log_float(radius_mm));
 }
 
+std::size_t seen_index(const std::array<bool, kPlates>& seen) {
+  std::size_t pattern = 0;
+  for (std::size_t p = 0; p < kPlates; ++p) pattern += seen[p] ? std::size_t{1} << p : 0;
+  return pattern - 1;
+}
+
 TouchStage::TouchStage(const Model& model) : TouchStage(model.touch) {
   for (const std::int32_t node : model.shape.front_nodes) {
     face_mm_.extend(Vec3f(model.shape.rest_mm.data() + 3 * static_cast<std::size_t>(node)));
@@ -62,6 +68,7 @@ Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, cons
   nothing.over_range = nothing.plate_motion_mm > model_.range_mm;
   if (nothing.over_range) return nothing;
   Touch touch = read(run_network(poses, motion), nothing.plate_motion_mm);
+  touch.radius_68_mm *= model_.seen_factor[seen_index(poses.seen)];
   if (!is_finite(touch)) return nothing;
   widen(poses, motion, doubt, touch);
   nothing.explained = touch.explained;

@@ -11,6 +11,9 @@ namespace finsight {
 /// The radius to publish for the network's own at this plate motion: TouchModel::radius_curve.
 float calibrated_radius_mm(std::span<const float> curve, float plate_motion_mm, float radius_mm);
 
+/// Of the plates that are seen (at least one): where their number stands in TouchModel::seen_factor.
+std::size_t seen_index(const std::array<bool, kPlates>& seen);
+
 /// What the noise of the poses does not hold of how far a touch may be off.
 struct Doubt {
   float shaken_mm = 0;                    ///< see Shake
@@ -44,8 +47,9 @@ class TouchStage {
   ///
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
   /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face;
-  /// the model's radius curve makes it hold 68 % of the errors on held-out contact points, whatever the plate motion.
-  /// Components of force and moment that the plates do not tell are NaN, with their deviations; force_n never is.
+  /// the model's radius curve makes it hold 68 % of the errors on held-out load paths, whatever the plate motion, and
+  /// its factors do the same whichever plates are seen. Components of force and moment that the plates do not tell are
+  /// NaN, with their deviations; force_n never is.
   ///
   /// A `doubt` widens the radius and the deviations: the network knows fingers that stand still, zeroed, and bent by
   /// nothing but touch. For everything else that may have moved the plates the network is asked once more, with the

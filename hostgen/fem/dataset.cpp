@@ -43,7 +43,7 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
 /// half of that, a quarter ..., down to kWeakestPush_n. Leaves the finger at the lowest, or at rest.
 std::array<double, 2> path_range(FingerStatics& statics, const LoadPath& load, const std::array<double, 2>& range_n) {
   const auto bears = [&](double force_n) {
-    statics.begin(load.contacts);
+    statics.begin(load.contacts_at(0));
     return statics.press(force_n) && statics.state().valid();
   };
   if (bears(range_n[0])) return range_n;
@@ -53,7 +53,7 @@ std::array<double, 2> path_range(FingerStatics& statics, const LoadPath& load, c
     found_n = {std::max(kWeakestPush_n, top_n * range_n[0] / range_n[1]), top_n};
     break;
   }
-  statics.begin(load.contacts);
+  statics.begin(load.contacts_at(0));
   return found_n;
 }
 
@@ -65,7 +65,9 @@ void walk_path(FingerStatics& statics, const LinearResponse& response, const Tet
   Outcome outcome = Outcome::kEquilibrium;
   for (int k = 0; k < path.plan.forces; ++k) {
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
-    if (outcome == Outcome::kEquilibrium && !statics.press(force_n)) {
+    const bool same_contacts = k == 0 || load.contacts.size() == 1;
+    if (outcome == Outcome::kEquilibrium &&
+        !(same_contacts ? statics.press(force_n) : statics.press(load.contacts_at(k), force_n))) {
       outcome = statics.buckled() ? Outcome::kNoEquilibrium : Outcome::kNotConverged;
     }
     FemState state = statics.state();
@@ -75,6 +77,7 @@ void walk_path(FingerStatics& statics, const LinearResponse& response, const Tet
     state.front_node = nearest_front_node(mesh, state.point_mm);
     state.force_n = static_cast<float>(force_n);
     state.scene = load.scene;
+    state.step = k;
     state.outcome = outcome;
     if (load.scene > 0) {
       path.others.push_back(state);
@@ -115,13 +118,33 @@ std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan)
   return others;
 }
 
+bool contacts_change(const Scene& scene) {
+  const bool has_friction_or_patches = scene.friction > 0 || scene.patch_radius_mm > 0 || scene.line_share > 0;
+  return !scene.elsewhere && (has_friction_or_patches || scene.contacts > 1);
+}
+
+double spacing_mm(const FingerSpec& spec, int points) {
+  const double area_mm2 = 2 * (spec.touch_y_mm[1] - spec.touch_y_mm[0]) * spec.half_width.at(spec.touch_y_mm[0]);
+  return std::clamp(std::sqrt(area_mm2 / points), 2.0, 5.0);
+}
+
 std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan) {
   std::vector<LoadPath> paths;
   const auto add = [&](const Scene& scene, int points, std::size_t number) {
-    for (const Vec3f& place : touch_points(spec, points)) {
+    const double spacing = spacing_mm(spec, points);
+    for (const Vec3f& point_mm : touch_points(spec, points)) {
       Random random(paths.size());
-      paths.push_back(
-          {draw_contacts(spec, scene, place.head<2>().cast<double>(), random), static_cast<std::uint8_t>(number)});
+      const Eigen::Vector2d place_mm = point_mm.head<2>().cast<double>();
+      LoadPath path{.contacts = {}, .scene = static_cast<std::uint8_t>(number)};
+      if (contacts_change(scene)) {
+        for (int k = 0; k < plan.forces; ++k) {
+          const Eigen::Vector2d near_mm = place_near(spec, place_mm, spacing, random);
+          path.contacts.push_back(draw_contacts(spec, scene, near_mm, random));
+        }
+      } else {
+        path.contacts.push_back(draw_contacts(spec, scene, place_mm, random));
+      }
+      paths.push_back(std::move(path));
     }
   };
   add(spec.scene(plan.scene), plan.points, 0);

@@ -33,6 +33,7 @@ struct FemState {
   PoseVector linear = PoseVector::Zero();  ///< what the plates would do if the finger answered linearly to this load
   float front_rms_mm = 0;  ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
   std::uint8_t scene = 0;  ///< 0: of the plan; else number of the other one, see other_scenes()
+  std::int32_t step = 0;   ///< of its path, from 0: see LoadPath::contacts_at()
   Outcome outcome =
       Outcome::kEquilibrium;  ///< after a failure the path's higher forces are not tried and carry the same outcome
   bool valid() const { return outcome == Outcome::kEquilibrium; }
@@ -55,10 +56,20 @@ struct DatasetPlan {
 /// a scene of the spec's own the last two.
 std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan);
 
-/// A load path: all its states have the same contacts.
+/// Whether every state of a path has contacts of its own. Where a scene knows nothing but frictionless points, the
+/// states of a path share theirs: what lies between them can then be interpolated.
+bool contacts_change(const Scene& scene);
+
+/// About how far the places of neighbouring paths of the plan's scene are apart.
+double spacing_mm(const FingerSpec& spec, int points);
+
+/// A load path: rising forces at and near one place of the face.
 struct LoadPath {
-  std::vector<FaceContact> contacts;
-  std::uint8_t scene = 0;  ///< see FemState
+  std::vector<std::vector<FaceContact>> contacts;  ///< of each step, or one for all of them
+  std::uint8_t scene = 0;                          ///< see FemState
+  const std::vector<FaceContact>& contacts_at(std::int32_t step) const {
+    return contacts.size() == 1 ? contacts.front() : contacts.at(static_cast<std::size_t>(step));
+  }
 };
 /// All paths of a plan in their order: `plan.points` of its scene, then some of each other scene. The same arguments
 /// give the same contacts.

@@ -16,7 +16,7 @@ constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
 // Force, point, contact, force vector, moment, spread, plates, linear response.
 constexpr std::size_t kStateNumbers = 1 + 3 + 3 + 3 + 3 + 1 + 2 * kPoseDims;
 constexpr std::size_t kPlateNumbers = kStateNumbers - 2 * kPoseDims;  // where those of the plates begin
-constexpr const char* kFormat = "4";
+constexpr const char* kFormat = "5";
 
 constexpr std::int32_t kMaxScene = 9;
 
@@ -77,7 +77,8 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
       {"mesh_sha256", dataset.mesh_sha256},
       {"points", std::to_string(dataset.plan.points)},
       {"forces", std::to_string(dataset.plan.forces)},
-      {"outcomes", "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling), 3 not converged (numerical)"},
+      {"outcomes",
+       "0 equilibrium, 1 pushed too far, 2 no equilibrium (snap-through, buckling), 3 not converged (numerical)"},
       {"scene", dataset.plan.scene},
       {"columns",
        "force_n, point_mm xyz, contact_mm xyz, force_vector_n xyz, moment_nmm xyz, spread_mm, top/middle/low "
@@ -135,6 +136,7 @@ FemDataset read_dataset(const std::filesystem::path& file) {
                    .plates = {},
                    .linear = Eigen::Map<const PoseVector>(row + kPlateNumbers + kPoseDims),
                    .scene = static_cast<std::uint8_t>(label[2]),
+                   .step = static_cast<std::int32_t>(i % static_cast<std::size_t>(dataset.plan.forces)),
                    .outcome = static_cast<Outcome>(outcome[i])};
     for (std::size_t p = 0; p < kPlates; ++p) {
       state.plates[p] = {Eigen::Map<const Vec3f>(row + kPlateNumbers + 6 * p),

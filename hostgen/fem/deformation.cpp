@@ -37,6 +37,7 @@ DeformationRise measure_deformation_rise(const FemDataset& dataset, std::span<co
 }
 
 std::string deformation_text(const DeformationRise& rise, double rated_mm) {
+  if (rise.contact_points == 0) return "deformation level: not compared along the paths, whose contacts change";
   std::ostringstream text;
   text << "deformation level: rises with force at " << rise.contact_points - rise.not_monotone << " of "
        << rise.contact_points << " points";

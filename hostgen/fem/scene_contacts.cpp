@@ -18,7 +18,8 @@ constexpr double kLevel_rad = 0.3;
 constexpr double kShortestLine_mm = 4, kWidestLine_mm = 6;
 // A network that never met more than the scene's friction takes all that comes near it for less.
 constexpr double kBeyondFriction = 1.25;
-constexpr double kFrictionStep = 0.15, kFollowStep = 0.3, kAngleStep_rad = 0.15;
+// Changes that go with moving a contact by a millimetre.
+constexpr double kFrictionPerMm = 0.075, kFollowPerMm = 0.15, kAnglePerMm_rad = 0.075;
 
 Eigen::Vector2d in_disc(double radius, Random& random) {
   const double r = radius * std::sqrt(random.uniform()), angle = random.uniform(0, 2 * std::numbers::pi);
@@ -103,21 +104,27 @@ std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scen
   return contacts;
 }
 
+Eigen::Vector2d place_near(const FingerSpec& spec, const Eigen::Vector2d& place_mm, double distance_mm,
+                           Random& random) {
+  const Eigen::Vector2d away_mm = distance_mm * Eigen::Vector2d(random.normal(), random.normal());
+  return on_face(spec, place_mm + away_mm);
+}
+
 FaceContact vary(const FingerSpec& spec, const Scene& scene, const FaceContact& contact, double distance_mm,
                  Random& random) {
   FaceContact other = contact;
   other.centre_mm += distance_mm * Eigen::Vector2d(random.normal(), random.normal());
   if (contact.side == Side::kFront) other.centre_mm = on_face(spec, other.centre_mm);
   if (other.half_length_mm > spec.half_width.at(other.centre_mm.y())) other.centre_mm.x() = contact.centre_mm.x();
-  if (other.half_length_mm > 0) other.angle_rad += kAngleStep_rad * random.normal();
+  if (other.half_length_mm > 0) other.angle_rad += kAnglePerMm_rad * distance_mm * random.normal();
   if (other.radius_mm > 0 && other.half_length_mm == 0) {
     other.radius_mm = std::clamp(other.radius_mm + distance_mm * random.normal(), 0.0, scene.patch_radius_mm);
   }
   if (scene.friction > 0) {
-    other.friction += kFrictionStep * Eigen::Vector2d(random.normal(), random.normal());
+    other.friction += kFrictionPerMm * distance_mm * Eigen::Vector2d(random.normal(), random.normal());
     const double most = kBeyondFriction * scene.friction;
     if (other.friction.norm() > most) other.friction *= most / other.friction.norm();
-    other.follow = std::clamp(other.follow + kFollowStep * random.normal(), 0.0, 1.0);
+    other.follow = std::clamp(other.follow + kFollowPerMm * distance_mm * random.normal(), 0.0, 1.0);
   }
   return other;
 }

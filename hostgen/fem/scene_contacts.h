@@ -14,6 +14,9 @@ namespace finsight::host {
 std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scene, const Eigen::Vector2d& place_mm,
                                        Random& random);
 
+/// A place of the touched part of the face, about `distance_mm` away.
+Eigen::Vector2d place_near(const FingerSpec& spec, const Eigen::Vector2d& place_mm, double distance_mm, Random& random);
+
 /// A contact of the scene that is like `contact`: moved by about `distance_mm`, its friction and patch changed to
 /// match; friction up to a quarter beyond the scene's.
 FaceContact vary(const FingerSpec& spec, const Scene& scene, const FaceContact& contact, double distance_mm,

@@ -62,9 +62,26 @@ struct FingerStatics::Solver {
 
   const ElasticState& state() const { return history.back().state; }
 
+  /// What a walk that fails goes back to.
+  struct Snapshot {
+    std::vector<Station> history;
+    double compliance;
+    BodyVector present_load;
+    std::optional<ContactLoad> contacts;  // as they were directed when the present force was reached
+  };
+  Snapshot snapshot() const { return {history, compliance, present_load, contacts}; }
+  void return_to(const Snapshot& before) {
+    history = before.history;
+    compliance = before.compliance;
+    present_load = before.present_load;
+    contacts.reset();
+    if (before.contacts) contacts.emplace(*before.contacts);
+  }
+
   void hang(const Eigen::Vector3d& felt_g);
   bool go(const FacePoint& target, double target_force_n);
   bool press(double target_force_n);
+  bool press(const std::vector<FaceContact>& target, double target_force_n);
   void extrapolate(double s);
   bool step_to(double s, const LoadCurve& curve);
   bool walk(double from, double to, const LoadCurve& curve);
@@ -151,31 +168,42 @@ void FingerStatics::Solver::hang(const Eigen::Vector3d& felt_g) {
   compliance = 0;
 }
 
-// The load of the present force, as it was directed when that was reached, is what a failed walk goes back to.
 bool FingerStatics::Solver::press(double target_force_n) {
-  const std::vector<Station> history_before = history;
-  const double compliance_before = compliance;
-  const BodyVector load_before = present_load;
-  const ContactLoad contacts_before = *contacts;
+  const Snapshot before = snapshot();
   const LoadCurve curve = [&](double s, const ElasticState& guess, BodyVector& load) {
     contacts->forces(s, guess, load);
     for (std::size_t i = 0; i < load.size(); ++i) load[i] += weight[i];
   };
   if (!walk(force_n, target_force_n, curve)) {
-    history = history_before;
-    compliance = compliance_before;
-    present_load = load_before;
-    contacts.emplace(contacts_before);
+    return_to(before);
     return false;
   }
   force_n = target_force_n;
   return true;
 }
 
+// One load fades into the other. A change of contacts says little about how much the finger gives way to force.
+bool FingerStatics::Solver::press(const std::vector<FaceContact>& target, double target_force_n) {
+  ContactLoad next(*finger, target);
+  const Snapshot before = snapshot();
+  const LoadCurve fade = [&](double s, const ElasticState& guess, BodyVector& load) {
+    contacts->forces(target_force_n, guess, load);
+    for (std::size_t i = 0; i < load.size(); ++i) load[i] = (1 - s) * before.present_load[i] + s * (load[i] + weight[i]);
+  };
+  contacts.emplace(std::move(next));
+  history = {Station{0, history.back().state}};
+  if (!walk(0, 1, fade)) {
+    return_to(before);
+    return false;
+  }
+  history = {Station{target_force_n, history.back().state}};
+  compliance = std::max(compliance, before.compliance);
+  force_n = target_force_n;
+  return true;
+}
+
 bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
-  const std::vector<Station> history_before = history;
-  const double compliance_before = compliance;
-  const BodyVector load_before = present_load;
+  const Snapshot before = snapshot();
   const bool same_place = force_n == 0 || (place.node == target.node && place.weight == target.weight);
   std::vector<double> base = finger->zero(), direction = finger->zero();
   finger->add_push(target, 1, direction);
@@ -195,16 +223,14 @@ bool FingerStatics::Solver::go(const FacePoint& target, double target_force_n) {
     for (std::size_t i = 0; i < load.size(); ++i) load[i] = base[i] + s * direction[i];
   };
   if (!walk(from, to, line)) {
-    history = history_before;
-    compliance = compliance_before;
-    present_load = load_before;
+    return_to(before);
     return false;
   }
   if (!same_place) {
     history = {Station{target_force_n, history.back().state}};
     // A touch that moves along the face changes the load a lot and the shape little. Measured by that, the next change
     // of force would look like a jump.
-    compliance = std::max(compliance, compliance_before);
+    compliance = std::max(compliance, before.compliance);
   }
   place = target;
   force_n = target_force_n;
@@ -233,6 +259,11 @@ void FingerStatics::begin(const std::vector<FaceContact>& contacts, const Eigen:
 bool FingerStatics::press(double normal_n) {
   assert(solver_->contacts);
   return solver_->press(normal_n);
+}
+
+bool FingerStatics::press(const std::vector<FaceContact>& contacts, double normal_n) {
+  assert(solver_->contacts);
+  return solver_->press(contacts, normal_n);
 }
 
 void FingerStatics::give_up_at(std::chrono::steady_clock::time_point deadline) { solver_->deadline = deadline; }

@@ -40,6 +40,8 @@ class FingerStatics {
   /// After begin(): equilibrium under their normal forces that sum to `normal_n`, with what friction adds; as load()
   /// does.
   bool press(double normal_n);
+  /// After begin(): the same with other contacts, from the present state on.
+  bool press(const std::vector<FaceContact>& contacts, double normal_n);
   /// From this time on, load() and press() fail after the step that they are at: for those who must be done soon.
   void give_up_at(std::chrono::steady_clock::time_point deadline);
   /// Why the last load() or press() failed: the finger buckles, snaps through or gives way. Else no step of the load

@@ -19,7 +19,19 @@ std::vector<Network::Layer> zeros_like(const std::vector<Network::Layer>& layers
 
 }  // namespace
 
-Network::Network(const std::vector<int>& widths, Random& random) {
+// With r = x / sqrt(1 + x^2) the algebraic SiLU is x / 2 (1 + r), its derivative 1/2 + r - r^3 / 2.
+void activate(Activation activation, Eigen::MatrixXf& sums, Eigen::MatrixXf* derivative) {
+  if (activation == Activation::kRelu) {
+    if (derivative) *derivative = (sums.array() > 0.0F).cast<float>();
+    sums = sums.cwiseMax(0.0F);
+    return;
+  }
+  const Eigen::ArrayXXf r = sums.array() / (1 + sums.array().square()).sqrt();
+  if (derivative) *derivative = 0.5F + r - 0.5F * r.cube();
+  sums = 0.5F * sums.array() * (1 + r);
+}
+
+Network::Network(const std::vector<int>& widths, Activation activation, Random& random) : activation_(activation) {
   for (std::size_t l = 0; l + 1 < widths.size(); ++l) {
     Layer layer{Eigen::MatrixXf(widths[l + 1], widths[l]), Eigen::VectorXf::Zero(widths[l + 1])};
     const double sigma = std::sqrt(2.0 / widths[l]);
@@ -28,6 +40,7 @@ Network::Network(const std::vector<int>& widths, Random& random) {
   }
   gradients_ = zeros_like(layers_);
   activations_.resize(widths.size());
+  derivatives_.resize(widths.size());
 }
 
 const Eigen::MatrixXf& Network::forward(const Eigen::Ref<const Eigen::MatrixXf>& inputs) {
@@ -37,7 +50,7 @@ const Eigen::MatrixXf& Network::forward(const Eigen::Ref<const Eigen::MatrixXf>&
     sums.resize(layers_[l].weights.rows(), inputs.cols());
     sums.noalias() = layers_[l].weights * activations_[l];
     sums.colwise() += layers_[l].bias;
-    if (l + 1 < layers_.size()) sums = sums.cwiseMax(0.0f);
+    if (l + 1 < layers_.size()) activate(activation_, sums, &derivatives_[l + 1]);
   }
   return activations_.back();
 }
@@ -50,8 +63,7 @@ void Network::backward(const Eigen::Ref<const Eigen::MatrixXf>& loss_by_output) 
     if (l == 0) break;
     next_slope_.resize(layers_[l].weights.cols(), slope_.cols());
     next_slope_.noalias() = layers_[l].weights.transpose() * slope_;
-    // ReLU passes the derivative on where its input was positive.
-    slope_ = (activations_[l].array() > 0.0f).select(next_slope_, 0.0f);
+    slope_ = next_slope_.cwiseProduct(derivatives_[l]);
   }
 }
 

@@ -1,4 +1,4 @@
-// A small multilayer perceptron and its Adam trainer, on Eigen: about 1 ms per step of 128 samples at 22-512-256-11.
+// A small multilayer perceptron and its Adam trainer, on Eigen: about 1 ms per step of 128 samples at 22-512-256-22.
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,13 @@
 
 namespace finsight::host {
 
-/// Dense layers with ReLU between them and none after the last. Samples are columns.
+/// What hidden layers do to their sums.
+enum class Activation {
+  kRelu,           ///< the paper's
+  kAlgebraicSilu,  ///< firmware/touch/int8_network.h's algebraic_silu()
+};
+
+/// Dense layers with an activation between them and none after the last. Samples are columns.
 class Network {
  public:
   struct Layer {
@@ -17,7 +23,7 @@ class Network {
   };
 
   /// `widths`: inputs, hidden ..., outputs. Normal weights of variance 2 / inputs (He et al. 2015), biases 0.
-  Network(const std::vector<int>& widths, Random& random);
+  Network(const std::vector<int>& widths, Activation activation, Random& random);
 
   /// [outputs, samples]. Keeps the activations for backward().
   const Eigen::MatrixXf& forward(const Eigen::Ref<const Eigen::MatrixXf>& inputs);
@@ -29,10 +35,15 @@ class Network {
   const std::vector<Layer>& gradients() const { return gradients_; }
 
  private:
+  Activation activation_;
   std::vector<Layer> layers_, gradients_;
-  std::vector<Eigen::MatrixXf> activations_;  // inputs, after each layer; the last has no ReLU
+  std::vector<Eigen::MatrixXf> activations_;  // inputs, after each layer
+  std::vector<Eigen::MatrixXf> derivatives_;  // of the activation, after each hidden layer
   Eigen::MatrixXf slope_, next_slope_;        // derivative of the loss by one layer's sums
 };
+
+/// Applies the activation to a layer's sums; `derivative`, unless null, gets its derivative there.
+void activate(Activation activation, Eigen::MatrixXf& sums, Eigen::MatrixXf* derivative = nullptr);
 
 /// Adam (Kingma & Ba 2015) with its usual constants 0.9, 0.999, 1e-8.
 class Adam {

@@ -62,8 +62,10 @@ void quantise(TouchNetwork& trained) {
     }
     model.weight_scale[l].assign(rounded.scale.begin(), rounded.scale.end());
     model.bias[l].assign(bias.begin(), bias.end());
-    exact = (exact_sums.colwise() + layer.bias).cwiseMax(0.0f);
-    seen = (sums.colwise() + bias).cwiseMax(0.0f);
+    exact = exact_sums.colwise() + layer.bias;
+    seen = sums.colwise() + bias;
+    activate(Activation::kAlgebraicSilu, exact);
+    activate(Activation::kAlgebraicSilu, seen);
   }
 }
 

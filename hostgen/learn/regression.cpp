@@ -19,7 +19,7 @@ std::vector<int> widths(Eigen::Index inputs, const std::vector<int>& hidden, Eig
 
 Network start(const std::vector<int>& widths, std::uint64_t seed) {
   Random random(seed);
-  return {widths, random};
+  return {widths, Activation::kRelu, random};
 }
 
 }  // namespace

@@ -46,11 +46,10 @@ class Neighbourhood {
     for (const FemState& state : states) {
       if (state.valid()) paths.insert(state.path);
     }
-    const double area_mm2 = 2 * (spec.touch_y_mm[1] - spec.touch_y_mm[0]) * spec.half_width.at(spec.touch_y_mm[0]);
-    step_mm_ = std::clamp(std::sqrt(area_mm2 / static_cast<double>(paths.size())), 2.0, 5.0);
+    spacing_mm_ = spacing_mm(spec, static_cast<int>(paths.size()));
   }
 
-  /// `state` after a change of its contacts by about as much as neighbouring paths differ.
+  /// `state` after a change of its contacts by about as much as neighbouring states differ.
   TouchSample near(const FemState& state, Random& random) const {
     const FingerSpec& spec = finger_.spec;
     const Scene& scene = scenes_[state.scene];
@@ -59,10 +58,13 @@ class Neighbourhood {
     const double lowest_n = is_lowest ? 0 : static_cast<double>(state.force_n) - 0.5 * step_n;
     const double force_n = random.uniform(lowest_n, static_cast<double>(state.force_n) + 0.5 * step_n);
 
-    const std::vector<FaceContact>& contacts = paths_.at(static_cast<std::size_t>(state.path)).contacts;
+    const LoadPath& path = paths_.at(static_cast<std::size_t>(state.path));
+    const std::vector<FaceContact>& contacts = path.contacts_at(state.step);
+    // Paths whose contacts change lie among each other.
+    const double distance_mm = path.contacts.size() > 1 ? 0.5 * spacing_mm_ : spacing_mm_;
     std::vector<FaceContact> changed;
     for (const FaceContact& contact : contacts) {
-      changed.push_back(vary(spec, scene, contact, step_mm_, random));
+      changed.push_back(vary(spec, scene, contact, distance_mm, random));
     }
     // The face turns about as the plates do. That only has to be near: what the force is called, is what it is.
     const Eigen::Vector3d turn =
@@ -118,7 +120,7 @@ class Neighbourhood {
   ResponseSurface surface_;
   const std::vector<LoadPath> paths_;
   std::vector<Scene> scenes_;  ///< the plan's, then the others
-  double step_mm_ = 0;         ///< by which contacts are moved: about as far as neighbouring paths are apart
+  double spacing_mm_ = 0;      ///< of the paths
 };
 
 }  // namespace

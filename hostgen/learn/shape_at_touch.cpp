@@ -157,8 +157,10 @@ FemDataset unseen_states(const FingerSpec& spec, const TetMesh& mesh, const FemD
                          int forces) {
   constexpr float kSamePoint_mm = 1;
   const FemDataset all = make_dataset(spec, mesh, {.points = points, .forces = forces});
+  // A frictionless point is no state of a scene with more, wherever it lies.
+  const bool are_alike = !contacts_change(spec.scene(dataset.plan.scene));
   const auto is_new = [&](std::size_t i) {
-    return std::none_of(dataset.states.begin(), dataset.states.end(), [&](const FemState& known) {
+    return !are_alike || std::none_of(dataset.states.begin(), dataset.states.end(), [&](const FemState& known) {
       return (known.point_mm - all.states[i].point_mm).norm() < kSamePoint_mm;
     });
   };

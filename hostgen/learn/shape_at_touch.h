@@ -41,8 +41,8 @@ struct TierAtTouch {
 std::vector<TierAtTouch> measure_tiers_at_touch(const FingerSpec& spec, const Model& model, const FemDataset& unseen,
                                                 std::uint64_t seed);
 
-/// Solves states of about `points` new contact points, at least 1 mm away from those of `dataset`, with `forces` forces
-/// each. Uses all cores, shows progress; throws Interrupted.
+/// Solves states of about `points` frictionless points with `forces` forces each; where `dataset` holds such points, too,
+/// only those that are at least 1 mm away from all of them. Uses all cores, shows progress; throws Interrupted.
 FemDataset unseen_states(const FingerSpec& spec, const TetMesh& mesh, const FemDataset& dataset, int points,
                          int forces);
 

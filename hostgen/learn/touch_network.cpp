@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "firmware/geometry/plate_motion.h"
 #include "firmware/touch/features.h"
@@ -15,7 +16,7 @@ constexpr int kMeans = TouchModel::kMeans, kLogOdds = TouchModel::kOutputs - 1;
 constexpr int kExplainedTarget = kMeans, kLocatedTarget = kMeans + 1;
 constexpr std::array<int, 9> kWithSigma = {0, 1, 2, 6, 7, 8, 9, 10, 11};  // with a log-sigma, at output kMeans + index
 constexpr float kPeakRate = 2e-3f;
-constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 256, TouchModel::kOutputs};
+constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 512, TouchModel::kOutputs};
 
 // Mean and standard deviation of every row; a row that does not vary is not scaled.
 void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vector<float>& sigma) {
@@ -117,6 +118,15 @@ Eigen::MatrixXf whitening(const Eigen::MatrixXf& inputs) {
   return white;
 }
 
+/// Throws std::runtime_error if the network's raw outputs say that its training ended in nonsense.
+void check_converged(const Eigen::MatrixXf& outputs) {
+  constexpr float kLargestRms = 10;  // targets have a deviation of 1
+  const float rms = std::sqrt(outputs.topRows<kMeans>().array().square().mean());
+  if (outputs.allFinite() && rms < kLargestRms) return;
+  throw std::runtime_error("the touch network's training diverged (its answers have an RMS of " + std::to_string(rms) +
+                           " where 1 is right); another --seed or other --training-steps may do");
+}
+
 }  // namespace
 
 TouchModel TouchModelData::view() const {
@@ -126,6 +136,7 @@ TouchModel TouchModelData::view() const {
                    .output_mean = output_mean,
                    .output_scale = output_scale,
                    .radius_curve = radius_curve,
+                   .seen_factor = seen_factor,
                    .layers = {},
                    .face_axes = face_axes,
                    .threshold_mm = threshold_mm,
@@ -146,8 +157,8 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
                          Eigen::MatrixXf& gradient) {
   // A single outlier, such as a swing that looks like a touch elsewhere, must not dominate means and deviations.
   // A number that does not vary in the scene, such as friction's force without friction, would be told ever more
-  // exactly.
-  constexpr float kSmallestSigma = 0.003f;
+  // exactly. And a deviation that runs away would weigh its own gradient ever more.
+  constexpr float kSmallestSigma = 0.003f, kLargestWeight = 5.0f;
   constexpr float kLargestError = 5.0f, kLargestSquare = kLargestError * kLargestError;
   const float share = 1.0f / static_cast<float>(outputs.cols());
   gradient.setZero(outputs.rows(), outputs.cols());
@@ -161,18 +172,21 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
   for (int s = 0; s < outputs.cols(); ++s) {
     if (targets(kLocatedTarget, s) == 0) continue;
     const float force_sigma = std::max(std::exp(outputs(kMeans + 3, s)), kSmallestSigma);
-    gradient.col(s).segment<3>(3) /= force_sigma;
+    gradient.col(s).segment<3>(3) =
+        (gradient.col(s).segment<3>(3) / force_sigma).cwiseMax(-share * kLargestError).cwiseMin(share * kLargestError);
     for (int k = 0; k < static_cast<int>(kWithSigma.size()); ++k) {
       const int mean = kWithSigma[static_cast<std::size_t>(k)];
       const float sigma = std::exp(outputs(kMeans + k, s));
       if (sigma < kSmallestSigma) {
-        gradient(mean, s) = share * (outputs(mean, s) - targets(mean, s)) / kSmallestSigma;
+        const float error = (outputs(mean, s) - targets(mean, s)) / kSmallestSigma;
+        gradient(mean, s) = share * std::clamp(error, -kLargestError, kLargestError);
         gradient(kMeans + k, s) = share * (sigma - kSmallestSigma);
         continue;
       }
       const float error = (outputs(mean, s) - targets(mean, s)) / sigma;
       gradient(mean, s) = share * std::clamp(error, -kLargestError, kLargestError);
-      gradient(kMeans + k, s) = share * sigma * (1.0f - std::min(error * error, kLargestSquare));
+      gradient(kMeans + k, s) =
+          share * std::min(sigma, kLargestWeight) * (1.0f - std::min(error * error, kLargestSquare));
     }
   }
 }
@@ -182,7 +196,9 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
                                  const std::function<void()>& tick, const CornerMeasurement* camera) {
   Random random(seed);
   Measurements measurements(touches, noise, prior, plan.plate_height_mm, camera, random);
-  TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, random), fit_normalisation(measurements), {}};
+  TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, Activation::kAlgebraicSilu, random),
+                       fit_normalisation(measurements),
+                       {}};
   TouchModelData& model = trained.model;
   model.widths = kWidths;
   const TouchModel view = model.view();
@@ -203,6 +219,7 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
     adam.step(trained.network, cosine_rate(kPeakRate, step, plan.steps));
     tick();
   }
+  check_converged(trained.network.forward(white * trained.sample_inputs));
   Eigen::MatrixXf& first = trained.network.layers().front().weights;
   first = (first * white).eval();  // the firmware's inputs are not white
   return trained;

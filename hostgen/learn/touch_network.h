@@ -28,7 +28,7 @@ struct TouchNetwork {
 /// nor vanish. The displacement is weighted like the force. Only touches on the face count. Added to it is the cross
 /// entropy of whether a touch of the scene moved the plates: not those of other scenes, not swings of half a
 /// millimetre and more, not plates that came loose, which are added here.
-/// `tick` is called after every step; it may throw to stop.
+/// `tick` is called after every step; it may throw to stop. Throws std::runtime_error if the training diverges.
 TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
                                  const std::function<void()>& tick, const CornerMeasurement* camera = nullptr);

@@ -201,16 +201,33 @@ TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
   return score;
 }
 
-std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm) {
+namespace {
+
+/// For each trial, which half of the paths it belongs to.
+std::vector<std::size_t> halves_of_paths(const std::vector<TouchTrial>& trials) {
   std::vector<std::int32_t> paths;
   for (const TouchTrial& trial : trials) paths.push_back(trial.path);
   std::sort(paths.begin(), paths.end());
   paths.erase(std::unique(paths.begin(), paths.end()), paths.end());
-  std::array<std::vector<TouchTrial>, 2> halves;
+  std::vector<std::size_t> halves;
   for (const TouchTrial& trial : trials) {
     const auto place = std::lower_bound(paths.begin(), paths.end(), trial.path) - paths.begin();
-    halves[static_cast<std::size_t>(place % 2)].push_back(trial);
+    halves.push_back(static_cast<std::size_t>(place % 2));
   }
+  return halves;
+}
+
+std::array<std::vector<TouchTrial>, 2> by_half(const std::vector<TouchTrial>& trials) {
+  const std::vector<std::size_t> half = halves_of_paths(trials);
+  std::array<std::vector<TouchTrial>, 2> parts;
+  for (std::size_t i = 0; i < trials.size(); ++i) parts[half[i]].push_back(trials[i]);
+  return parts;
+}
+
+}  // namespace
+
+std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  const std::array<std::vector<TouchTrial>, 2> halves = by_half(trials);
   std::vector<TouchTrial> calibrated;
   for (std::size_t half = 0; half < 2; ++half) {
     const Calibration calibration = calibrate(halves[1 - half], threshold_mm);
@@ -223,6 +240,21 @@ std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, 
     }
   }
   return calibrated;
+}
+
+float radius_factor(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  std::vector<double> ratios;
+  for (const TouchTrial& trial : trials) {
+    if (static_cast<double>(trial.plate_motion_mm) >= threshold_mm) ratios.push_back(radii(trial));
+  }
+  return static_cast<float>(quantile(std::move(ratios), 0.68, 1.0));
+}
+
+void scale_cross_fitted(std::vector<TouchTrial>& trials, double threshold_mm) {
+  const std::array<std::vector<TouchTrial>, 2> parts = by_half(trials);
+  const std::array factors = {radius_factor(parts[1], threshold_mm), radius_factor(parts[0], threshold_mm)};
+  const std::vector<std::size_t> half = halves_of_paths(trials);
+  for (std::size_t i = 0; i < trials.size(); ++i) trials[i].radius_68_mm *= factors[half[i]];
 }
 
 std::vector<TouchBand> error_bands(const std::vector<TouchTrial>& trials) {

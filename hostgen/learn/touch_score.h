@@ -47,9 +47,14 @@ void apply(const Calibration& calibration, TouchModelData& model);
 
 /// Errors and coverage of the trials at or above the threshold.
 TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm);
-/// Calibrates each half of the contact points with the calibration fitted to the other half, so that coverage can be
+/// Calibrates each half of the paths with the calibration fitted to the other half, so that coverage can be
 /// counted on touches that the calibration has not seen. trials: uncalibrated
 std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm);
+
+/// By how much calibrated radii are too small to hold 68 % of the errors of these trials, at or above the threshold.
+float radius_factor(const std::vector<TouchTrial>& trials, double threshold_mm);
+/// Multiplies the radii of each half of the paths by the factor of the other half.
+void scale_cross_fitted(std::vector<TouchTrial>& trials, double threshold_mm);
 
 /// Errors by plate motion, in bands from 0, 1, 2, 4, 7 and 12 mm; bands without trials are left out.
 std::vector<TouchBand> error_bands(const std::vector<TouchTrial>& trials);

@@ -33,7 +33,7 @@ void split_paths(const std::vector<FemState>& states, std::vector<FemState>& tra
   }
 }
 
-StateSplit without_points(const std::vector<FemState>& states, const std::vector<FemState>& others) {
+StateSplit without_paths(const std::vector<FemState>& states, const std::vector<FemState>& others) {
   StateSplit split;
   split_paths(states, split.train, split.test);
   split_paths(others, split.other_train, split.other_test);
@@ -145,11 +145,21 @@ void train(Run& run, const FingerSpec& spec, const PlatePrior& prior, const Touc
   run.trained->model.range_mm = kBeyondTraining * largest_plate_motion_mm(run.split.train);
 }
 
-std::string missing_plates_table(Run& run, const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
+/// Calibrates the radius where plates are missing, and tells how it then does. `run` is calibrated for all plates.
+std::string calibrate_missing_plates(Run& run, const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
   std::string table;
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    table += line((std::string("held-out points, noisy, only the ") + kPlateNames[p] + " plate seen").c_str(),
-                  score(run.noisy_trials(spec, prior, seed, {p == 0, p == 1, p == 2}), spec.threshold_mm));
+  std::vector<float>& factors = run.trained->model.seen_factor;
+  for (std::size_t pattern = 0; pattern + 1 < factors.size(); ++pattern) {
+    std::array<bool, kPlates> seen;
+    std::string names;
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      seen[p] = ((pattern + 1) >> p) & 1;
+      if (seen[p]) names += (names.empty() ? "" : " and ") + std::string(kPlateNames[p]);
+    }
+    std::vector<TouchTrial> trials = run.noisy_trials(spec, prior, seed, seen);
+    factors[pattern] = radius_factor(trials, spec.threshold_mm);
+    scale_cross_fitted(trials, spec.threshold_mm);
+    table += line(("held-out paths, noisy, only " + names + " seen").c_str(), score(trials, spec.threshold_mm));
   }
   return table;
 }
@@ -189,10 +199,10 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   const std::vector<FemState> states = valid_states(dataset.states), others = valid_states(dataset.others);
   const std::uint64_t seed = 1000 * plan.seed;
   std::array<Run, 3> runs;
-  auto& [random_run, points_run, final_run] = runs;
+  auto& [random_run, paths_run, final_run] = runs;
   random_run.split = without_states(states, seed);
   random_run.split.other_train = others;
-  points_run.split = without_points(states, others);
+  paths_run.split = without_paths(states, others);
   final_run.split.train = states;
   final_run.split.other_train = others;
   Progress progress("touch network", runs.size() * static_cast<std::size_t>(plan.steps));
@@ -210,20 +220,22 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   result.random_clean = score(random_run.clean_trials(prior), spec.threshold_mm);
   result.random_noisy = score(cross_calibrated(random_raw, spec.threshold_mm), spec.threshold_mm);
 
-  const std::vector<TouchTrial> raw = points_run.noisy_trials(spec, prior, seed);
+  const std::vector<TouchTrial> raw = paths_run.noisy_trials(spec, prior, seed);
   const Calibration calibration = calibrate(raw, spec.threshold_mm);
-  apply(calibration, points_run.trained->model);
+  apply(calibration, paths_run.trained->model);
   apply(calibration, final_run.trained->model);
   const std::vector<TouchTrial> noisy = cross_calibrated(raw, spec.threshold_mm);
-  result.held_out_clean = score(points_run.clean_trials(prior), spec.threshold_mm);
+  result.held_out_clean = score(paths_run.clean_trials(prior), spec.threshold_mm);
   result.held_out_noisy = score(noisy, spec.threshold_mm);
   result.bands = error_bands(noisy);
   result.force_bands = force_bands(noisy, spec.threshold_mm);
   result.coverage_curve = coverage_curve(noisy, spec.threshold_mm);
   result.quantisation = quantisation_cost(noisy, spec.threshold_mm);
   const float explained_above = final_run.trained->model.explained_above;
-  result.detections = detections(points_run.other_trials(spec, prior, seed), explained_above,
+  result.detections = detections(paths_run.other_trials(spec, prior, seed), explained_above,
                                  other_scenes(spec, dataset.plan), spec.threshold_mm);
+  const std::string with_missing_plates = calibrate_missing_plates(paths_run, spec, prior, seed);
+  final_run.trained->model.seen_factor = paths_run.trained->model.seen_factor;
   result.model = final_run.trained->model;
 
   char text[400];
@@ -235,11 +247,10 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
                 calibration.wrench[3], calibration.wrench[4], calibration.wrench[5], result.quantisation.mean_mm,
                 result.quantisation.worst_mm, result.quantisation.float_error_mm, result.quantisation.int8_error_mm);
   result.log = text + line("held-out states, clean", result.random_clean) +
-               line("held-out points, clean", result.held_out_clean) +
+               line("held-out paths, clean", result.held_out_clean) +
                line("held-out states, noisy", result.random_noisy) +
-               line("held-out points, noisy", result.held_out_noisy) + error_table(result.bands) +
-               force_table(result.force_bands) + detection_table(result.detections) +
-               missing_plates_table(points_run, spec, prior, seed);
+               line("held-out paths, noisy", result.held_out_noisy) + error_table(result.bands) +
+               force_table(result.force_bands) + detection_table(result.detections) + with_missing_plates;
   return result;
 }
 

@@ -26,6 +26,7 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
 struct TouchModelData {
   std::vector<float> scale, input_mean, input_scale, output_mean, output_scale;
   std::vector<float> radius_curve = {0, 0, 1};  ///< uncalibrated
+  std::vector<float> seen_factor = std::vector<float>(TouchModel::kSeenPatterns, 1.0F);
   std::vector<float> face_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   std::vector<float> per_g = std::vector<float>(3 * kPoseDims, 0.0F);
   std::array<std::vector<std::int8_t>, 3> weights;
@@ -76,7 +77,7 @@ struct Detection {
 
 struct TouchTraining {
   TouchModelData model;
-  /// "Random": the paper's split of the states, 7:1:2. "Held out": every fifth contact point, with all its states.
+  /// "Random": the paper's split of the states, 7:1:2. "Held out": every fifth load path, with all its states.
   TouchScore random_clean, random_noisy, held_out_clean, held_out_noisy;
   std::vector<TouchBand> bands;        ///< held out, noisy; coverage after cross-calibration
   std::vector<ForceBand> force_bands;  ///< the same trials
@@ -97,12 +98,12 @@ struct TouchTrainingPlan {
 using TouchSource = std::function<std::vector<TouchSample>(
     const std::vector<FemState>& states, const std::vector<FemState>& others, std::size_t count, Random& random)>;
 
-/// Three trainings side by side: without a fifth of the states, without a fifth of the contact points, and, for the
-/// model itself, with all. Training touches come from `source`, by default from an interpolant of the training states
+/// Three trainings side by side: without a fifth of the states, without a fifth of the load paths, and, for the model
+/// itself, with all. Training touches come from `source`, by default from an interpolant of the training states
 /// (see StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated on the
-/// held-out points, after quantisation, and the final model gets the same factors; the coverage in `random_noisy` and
-/// `held_out_noisy` comes from calibrating on one half of the tested points and counting on the other. The same
-/// arguments give the same bytes. What is called unexplained is set on the held-out points, too: one frame in a
+/// held-out paths, after quantisation, and the final model gets the same factors; the coverage in `random_noisy` and
+/// `held_out_noisy` comes from calibrating on one half of the tested paths and counting on the other. The same
+/// arguments give the same bytes. What is called unexplained is set on the held-out paths, too: one frame in a
 /// thousand of theirs.
 /// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,

@@ -52,6 +52,7 @@ void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchOutputScale, {TouchModel::kOutputs}, touch.output_scale);
   tensors.add(tensor::kTouchRadiusCurve, {static_cast<std::int64_t>(touch.radius_curve.size() / 3), 3},
               touch.radius_curve);
+  tensors.add(tensor::kTouchSeenFactor, {TouchModel::kSeenPatterns}, touch.seen_factor);
   tensors.add(tensor::kTouchFaceAxes, {3, 3}, touch.face_axes);
   tensors.add(tensor::kTouchPerG, {kPoseDims, 3}, touch.per_g);
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {

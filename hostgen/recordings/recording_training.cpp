@@ -174,7 +174,8 @@ class PackNetwork {
   Network network_of_pack() const {
     Random random(1);  // arbitrary: every weight is replaced
     Network network(
-        {model_.layers[0].inputs, model_.layers[1].inputs, model_.layers[2].inputs, model_.layers[2].outputs}, random);
+        {model_.layers[0].inputs, model_.layers[1].inputs, model_.layers[2].inputs, model_.layers[2].outputs},
+        Activation::kAlgebraicSilu, random);
     for (std::size_t l = 0; l < 3; ++l) {
       const DenseInt8& layer = model_.layers[l];
       Network::Layer& into = network.layers()[l];

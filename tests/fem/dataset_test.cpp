@@ -39,7 +39,7 @@ bool same(const FemDataset& a, const FemDataset& b) {
   for (std::size_t i = 0; i < all_a.size(); ++i) {
     const FemState &x = all_a[i], &y = all_b[i];
     if (x.scene != y.scene || x.path != y.path || x.front_node != y.front_node || x.force_n != y.force_n ||
-        x.point_mm != y.point_mm || x.contact_mm != y.contact_mm || x.outcome != y.outcome) {
+        x.point_mm != y.point_mm || x.contact_mm != y.contact_mm || x.outcome != y.outcome || x.step != y.step) {
       return false;
     }
     for (std::size_t p = 0; p < kPlates; ++p) {
@@ -81,9 +81,29 @@ TEST_CASE("dataset: beside the scene it holds what a pack for the scene must not
   CHECK(other_scenes(test::small_finger_spec(), {.scene = "grasp"}).size() == 2);
 }
 
+TEST_CASE("dataset: where a scene has more than frictionless points every state has contacts of its own") {
+  const FingerSpec spec = test::small_finger_spec();
+  CHECK_FALSE(contacts_change(spec.scene("probe")));
+  const std::vector<LoadPath> probe = load_paths(spec, kPlan);
+  CHECK(probe[0].contacts.size() == 1);
+  CHECK(&probe[0].contacts_at(0) == &probe[0].contacts_at(2));
+  CHECK(probe[4].contacts.size() == 3);  // of the other scenes, grasp
+  CHECK(probe[6].contacts.size() == 1);  // elsewhere
+
+  const DatasetPlan plan = {.points = 4, .forces = 3, .scene = "grasp"};
+  const std::vector<LoadPath> grasp = load_paths(spec, plan);
+  CHECK(grasp[0].contacts.size() == 3);
+  CHECK(grasp[0].contacts_at(0)[0].centre_mm != grasp[0].contacts_at(1)[0].centre_mm);
+  CHECK(load_paths(spec, plan)[0].contacts_at(1)[0].centre_mm == grasp[0].contacts_at(1)[0].centre_mm);
+  const FemDataset dataset = make_dataset(spec, test::small_finger_mesh(), plan);
+  CHECK(dataset.states[4].step == 1);
+  CHECK(std::abs(double(dataset.states[0].point_mm.y() - dataset.states[1].point_mm.y())) > 1e-3);
+}
+
 TEST_CASE("dataset: what is written is read back") {
   const auto file = std::filesystem::temp_directory_path() / "finsight_dataset_test.safetensors";
-  const FemDataset dataset = small_dataset();
+  const FemDataset dataset =
+      make_dataset(test::small_finger_spec(), test::small_finger_mesh(), {.points = 4, .forces = 3, .scene = "grasp"});
   write_dataset(file, dataset);
   CHECK(same(read_dataset(file), dataset));
   std::filesystem::resize_file(file, std::filesystem::file_size(file) - 4);

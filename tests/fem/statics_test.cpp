@@ -59,6 +59,33 @@ TEST_CASE("statics: a touch that moved along the face can be weakened") {
   CHECK(finger.load(Vec3f(2, 40, 0), 0.2));
 }
 
+TEST_CASE("statics: other contacts lead where they would have led from rest") {
+  FingerSpec spec = test::small_finger_spec();
+  spec.density_kg_m3 = 1200;
+  FingerStatics stepwise(spec, test::small_finger_mesh()), direct(spec, test::small_finger_mesh());
+  const Eigen::Vector3d felt_g(0.3, 0, 1);
+  const FaceContact first{.centre_mm = {1, 40}, .friction = {0.3, -0.5}, .follow = 1},
+      second{.centre_mm = {-2, 50}, .radius_mm = 3, .full_force_n = 0.3, .friction = {-0.4, 0.2}, .follow = 0.5},
+      third{.centre_mm = {0, 45}, .share = 0.4}, fourth{.centre_mm = {2, 30}, .share = 0.6};
+  stepwise.begin({first}, felt_g);
+  REQUIRE(stepwise.press(0.1));
+  REQUIRE(stepwise.press({second}, 0.2));
+  REQUIRE(stepwise.press({third, fourth}, 0.25));
+  REQUIRE(stepwise.press({second}, 0.3));
+  direct.begin({second}, felt_g);
+  REQUIRE(direct.press(0.3));
+  const FemState a = stepwise.state(), b = direct.state();
+  CHECK((a.contact_mm - b.contact_mm).norm() < 0.002F);  // where the force turned to, to half a degree
+  CHECK((a.force_vector_n - b.force_vector_n).norm() < 0.003F);
+  for (int p = 0; p < kPlates; ++p) {
+    CHECK((a.plates[p].displacement_mm - b.plates[p].displacement_mm).norm() < 0.01F);
+  }
+  CHECK_FALSE(stepwise.press({first}, 1e6));
+  CHECK(stepwise.state().contact_mm == a.contact_mm);
+  CHECK(stepwise.state().force_n == a.force_n);
+  CHECK(stepwise.press({second}, 0.2));
+}
+
 TEST_CASE("statics: a force that the finger cannot bear leaves the last good state") {
   FingerStatics finger(test::small_finger_spec(), test::small_finger_mesh());
   REQUIRE(finger.load(Vec3f(0, 40, 0), 0.2));

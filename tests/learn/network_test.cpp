@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "firmware/touch/int8_network.h"
+
 using namespace finsight::host;
 
 namespace {
@@ -20,24 +22,29 @@ double half_square(const Eigen::MatrixXf& difference) { return 0.5 * difference.
 
 TEST_CASE("network: a forward pass equals the formula written out") {
   Random random(3);
-  Network network({4, 5, 2}, random);
-  network.layers()[0].bias.setConstant(0.1f);
-  const Eigen::MatrixXf x = random_matrix(4, 1, random);
-  const Eigen::MatrixXf y = network.forward(x);
-  for (int o = 0; o < 2; ++o) {
-    double expected = 0;
-    for (int h = 0; h < 5; ++h) {
-      double sum = 0.1;
-      for (int i = 0; i < 4; ++i) sum += double(network.layers()[0].weights(h, i)) * double(x(i, 0));
-      expected += double(network.layers()[1].weights(o, h)) * std::max(sum, 0.0);
+  for (const Activation activation : {Activation::kRelu, Activation::kAlgebraicSilu}) {
+    Network network({4, 5, 2}, activation, random);
+    network.layers()[0].bias.setConstant(0.1f);
+    const Eigen::MatrixXf x = random_matrix(4, 1, random);
+    const Eigen::MatrixXf y = network.forward(x);
+    for (int o = 0; o < 2; ++o) {
+      double expected = 0;
+      for (int h = 0; h < 5; ++h) {
+        float sum = 0.1f;
+        for (int i = 0; i < 4; ++i) sum += network.layers()[0].weights(h, i) * x(i, 0);
+        const float hidden = activation == Activation::kRelu ? std::max(sum, 0.0f) : finsight::algebraic_silu(sum);
+        expected += double(network.layers()[1].weights(o, h)) * double(hidden);
+      }
+      CHECK(double(y(o, 0)) == doctest::Approx(expected).epsilon(1e-5));
     }
-    CHECK(double(y(o, 0)) == doctest::Approx(expected).epsilon(1e-5));
   }
 }
 
-TEST_CASE("network: gradients agree with finite differences in every layer") {
+namespace {
+
+void check_gradients(Activation activation) {
   Random random(5);
-  Network network({6, 12, 9, 3}, random);
+  Network network({6, 12, 9, 3}, activation, random);
   for (auto& layer : network.layers()) layer.bias = random_matrix(int(layer.bias.size()), 1, random) * 0.3f;
   const Eigen::MatrixXf inputs = random_matrix(6, 7, random), targets = random_matrix(3, 7, random);
   network.backward(network.forward(inputs) - targets);
@@ -66,9 +73,16 @@ TEST_CASE("network: gradients agree with finite differences in every layer") {
   }
 }
 
+}  // namespace
+
+TEST_CASE("network: gradients agree with finite differences in every layer") {
+  check_gradients(Activation::kRelu);
+  check_gradients(Activation::kAlgebraicSilu);
+}
+
 TEST_CASE("network: Adam fits a known function") {
   Random random(11);
-  Network network({2, 32, 32, 1}, random);
+  Network network({2, 32, 32, 1}, Activation::kRelu, random);
   Adam adam(network);
   const auto truth = [](float a, float b) { return std::sin(2 * a) + a * b; };
   Eigen::MatrixXf inputs(2, 64), targets(1, 64);
@@ -92,7 +106,7 @@ TEST_CASE("network: Adam fits a known function") {
 
 TEST_CASE("network: Adam's first step moves every weight by the rate against its gradient") {
   Random random(2);
-  Network network({3, 4, 2}, random);
+  Network network({3, 4, 2}, Activation::kRelu, random);
   const std::vector<Network::Layer> before = network.layers();
   network.backward(network.forward(random_matrix(3, 5, random)) - random_matrix(2, 5, random));
   Adam adam(network);

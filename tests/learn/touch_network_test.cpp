@@ -112,6 +112,17 @@ TEST_CASE("touch network: an outlier's pull on a mean and its deviation is bound
   CHECK(double(gradient(0, 0)) == doctest::Approx(-5));
 }
 
+TEST_CASE("touch network: no gradient runs away, neither where a deviation is near zero nor where it is huge") {
+  Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(22, 1), targets = Eigen::MatrixXf::Ones(14, 1), gradient;
+  targets.topRows(12).setConstant(100);
+  outputs.middleRows(12, 9).setConstant(-20);
+  touch_loss_gradient(outputs, targets, true, gradient);
+  CHECK(double(gradient.topRows(12).cwiseAbs().maxCoeff()) == doctest::Approx(5));
+  outputs.middleRows(12, 9).setConstant(20);
+  touch_loss_gradient(outputs, targets, true, gradient);
+  CHECK(double(gradient.middleRows(12, 9).cwiseAbs().maxCoeff()) == doctest::Approx(5));
+}
+
 namespace {
 
 // Outputs of the first layer for the network's own samples, as rounded.

@@ -46,6 +46,20 @@ TEST_CASE("touch score: calibration makes the radius hold 68 % of the errors and
   }
 }
 
+TEST_CASE("touch score: a factor makes radii hold 68 %, counted on the paths that it was not fitted to") {
+  std::vector<TouchTrial> small = ramp(0, 5), large = ramp(1, 5);
+  const double factor = radius_factor(small, 2);
+  CHECK(radius_factor({}, 2) == 1);
+  for (TouchTrial& trial : large) trial.error_mm *= 2;
+  std::vector<TouchTrial> both = small;
+  both.insert(both.end(), large.begin(), large.end());
+  scale_cross_fitted(both, 2);
+  CHECK(double(both.front().radius_68_mm) == doctest::Approx(2 * factor * double(small.front().radius_68_mm)));
+  CHECK(double(both.back().radius_68_mm) == doctest::Approx(factor * double(large.back().radius_68_mm)));
+  for (TouchTrial& trial : small) trial.radius_68_mm *= static_cast<float>(factor);
+  CHECK(score(small, 2).coverage_68 == doctest::Approx(0.68).epsilon(0.02));
+}
+
 TEST_CASE("touch score: ignores trials below the threshold, and copes with no trials at all") {
   std::vector<TouchTrial> trials = ramp(0, 5);
   const TouchScore alone = score(trials, 2);

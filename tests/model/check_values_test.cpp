@@ -66,6 +66,7 @@ TEST_CASE("values: refuses scales that are not positive") {
       {"output", [](TinyModel& t) { t.output_scale[2] = 0; }, "'touch.output_scale'"},
       {"curve", [](TinyModel& t) { t.radius_curve[3] = 2; },
        "'touch.radius_curve': found plate motion 2.000000 mm at knot 1"},
+      {"seen", [](TinyModel& t) { t.seen_factor[4] = 0; }, "'touch.seen_factor': found 0.000000 at element 4"},
       {"axes", [](TinyModel& t) { t.face_axes[0] = 0.5F; },
        "'touch.face_axes': found directions that differ from perpendicular unit vectors by 0.480000"},
       {"exponent", [](TinyModel& t) { t.radius_curve[2] = 1e6f; },

@@ -82,6 +82,7 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(same(model.touch.output_mean, tiny.output_mean));
   CHECK(same(model.touch.output_scale, tiny.output_scale));
   CHECK(same(model.touch.radius_curve, tiny.radius_curve));
+  CHECK(same(model.touch.seen_factor, tiny.seen_factor));
   for (std::size_t i = 0; i < 3; ++i) {
     CHECK(model.touch.layers[i].inputs * model.touch.layers[i].outputs == static_cast<int>(tiny.weights[i].size()));
     CHECK(same(model.touch.layers[i].weights, tiny.weights[i]));
@@ -201,7 +202,7 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
   };
   const Hostile all[] = {
       {meta::kFormat, std::nullopt, "is not a Finsight model pack"},
-      {meta::kFormat, "1", "format version: found 1, expected 3"},
+      {meta::kFormat, "1", "format version: found 1, expected 4"},
       {meta::kFinger, std::nullopt, "metadata 'finger': found nothing"},
       {meta::kScene, std::nullopt, "metadata 'scene': found nothing"},
       {meta::kFinger, "", "metadata 'finger': found \"0 bytes\", expected 1 to 64 printable"},

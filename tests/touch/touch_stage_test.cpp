@@ -140,6 +140,21 @@ TEST_CASE("touch stage: a point off the face, or a meaninglessly large radius, i
   CHECK(quality(touch.point_mm - far, touch.point_mm + far) == Quality::kInvalid);
 }
 
+TEST_CASE("touch stage: each combination of seen plates has a factor of its own for the radius") {
+  CHECK(seen_index({true, false, false}) == 0);
+  CHECK(seen_index({true, false, true}) == 4);
+  CHECK(seen_index({true, true, true}) == TouchModel::kSeenPatterns - 1);
+  std::vector<float> factor(TouchModel::kSeenPatterns, 1);
+  factor[seen_index({true, false, true})] = 1.5F;
+  TouchModel model = trained().model.view(), widened = model;
+  widened.seen_factor = factor;
+  PlatePoses poses = poses_of(kPushed);
+  CHECK(TouchStage(widened).locate(poses).radius_68_mm == TouchStage(model).locate(poses).radius_68_mm);
+  poses.seen[kMiddlePlate] = false;
+  CHECK(TouchStage(widened).locate(poses).radius_68_mm ==
+        doctest::Approx(1.5F * TouchStage(model).locate(poses).radius_68_mm));
+}
+
 TEST_CASE("touch stage: shaking widens the radius and leaves the point") {
   TouchStage stage(trained().model.view());
   const Touch calm = stage.locate(poses_of(kPushed)),
