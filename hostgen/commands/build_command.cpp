@@ -43,7 +43,7 @@ const std::map<std::string, Profile> kProfiles = {
     {"full", {{.points = 570, .forces = 21}, 50000}},
 };
 
-// A state with contacts of its own takes three times as long as one that follows the path, and teaches more.
+// A state with contacts of its own takes longer than one that follows the path, and teaches more.
 constexpr int kForcesOfChangingContacts = 11;
 
 Profile chosen_profile(const FingerSpec& spec, const Options& options) {

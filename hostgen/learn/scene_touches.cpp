@@ -17,12 +17,6 @@ namespace {
 // Of the touches that are trained on.
 constexpr double kOtherShare = 0.15;
 
-/// What a StateInterpolant can tell from neighbouring states. Other scenes have more to vary than neighbours cover.
-bool is_frictionless_point(const Scene& scene) {
-  return scene.friction == 0 && scene.patch_radius_mm == 0 && scene.line_share == 0 && scene.contacts == 1 &&
-         !scene.elsewhere;
-}
-
 /// Loads of contacts as the linear response and statics see them.
 struct Loads {
   PoseVectorOf<double> linear = PoseVectorOf<double>::Zero();
@@ -136,7 +130,8 @@ TouchSource touches_of_scene(const PushedFinger& finger, const LinearResponse& r
     touches.reserve(count);
     const std::size_t of_scene =
         others.empty() ? count : count - static_cast<std::size_t>(kOtherShare * static_cast<double>(count));
-    if (is_frictionless_point(scene)) {
+    // Of frictionless points a StateInterpolant can tell from neighbouring states; others have more to vary.
+    if (!contacts_change(scene) && !scene.elsewhere) {
       touches = draw_touches(finger.spec, StateInterpolant(states), of_scene, random);
     }
     while (touches.size() < count) {
