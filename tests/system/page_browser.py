@@ -31,6 +31,7 @@ try:
     from selenium.webdriver.chrome.service import Service
     from selenium.webdriver.common.by import By
     from selenium.webdriver.common.keys import Keys
+    from selenium.webdriver.support.expected_conditions import alert_is_present
     from selenium.webdriver.support.ui import WebDriverWait
 except ImportError:
     webdriver = None
@@ -516,7 +517,7 @@ class Page(unittest.TestCase):
 
         def choose(path):
             browser.driver.find_element(By.CSS_SELECTOR, "main input[type=file]").send_keys(str(path))
-            browser.wait(lambda d: d.switch_to.alert, "the question").accept()
+            browser.wait(alert_is_present(), "the question").accept()
         choose(other)
         browser.unlock()
         self.said(browser, "#toasts", "pack_checksum: found")
