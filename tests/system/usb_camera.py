@@ -1,11 +1,6 @@
 #!/usr/bin/python3
 """A USB camera for an emulated machine: shows a session's grey images in a loop, can be plugged in and pulled out.
 
-usage: tests/system/usb_camera.py SOCKET SESSION [--fps N]
-  SOCKET    of a QEMU with: -device qemu-xhci -chardev socket,id=camera,path=SOCKET,server=on,wait=off
-                            -device usb-redir,chardev=camera
-  SESSION   folder with frames.y4m (Cmono)
-  --fps N   images per second (default 20)
 Stays plugged in until Ctrl-C or until the machine is switched off. Exit codes: 0 done, 1 no machine, 2 wrong arguments
 
 To the guest this is a camera like any other; its own drivers talk to it. Two protocols are spoken here:
@@ -274,10 +269,12 @@ class UsbCamera:
 
 
 def main():
-    parser = argparse.ArgumentParser(usage=__doc__)
-    parser.add_argument("socket")
-    parser.add_argument("session")
-    parser.add_argument("--fps", type=float, default=20)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("socket", metavar="SOCKET",
+                        help="of a QEMU with: -device qemu-xhci -chardev socket,id=camera,path=SOCKET,server=on,wait=off "
+                        "-device usb-redir,chardev=camera")
+    parser.add_argument("session", metavar="SESSION", help="folder with frames.y4m (Cmono)")
+    parser.add_argument("--fps", type=float, default=20, metavar="N", help="images per second (default 20)")
     arguments = parser.parse_args()
     with UsbCamera(arguments.socket, arguments.session, arguments.fps) as camera:
         try:
