@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,6 +14,9 @@
 #include "hostgen/hard_cases/hard_motions.h"
 
 namespace finsight::host {
+
+/// HardCase::allowed_mm of a case that is judged by other limits.
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 struct HardCase {
   std::string name;

@@ -12,8 +12,6 @@ namespace finsight::host {
 
 namespace {
 
-constexpr double kNoLimit = std::numeric_limits<double>::infinity();
-
 std::string signed_number(double value) {
   std::string text = value < 0 ? "-" : "+";
   return text.append(std::to_string(std::lround(std::abs(value))));

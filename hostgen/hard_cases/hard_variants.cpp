@@ -92,7 +92,7 @@ void run_slivers(const ShapeParts& parts, std::vector<HardCaseResult>& results) 
     results.push_back(run_hard_case(
         thin, {name + "bend and twist", HardMotion(parts.mount).bend({30, 0, 45}).bend({}).hold(10), 0.5}));
     results.push_back(run_hard_case(
-        thin, {name + "jumps", HardMotion(parts.mount).go(Bend{30, 0, 45}, 1).hold(5).go(Bend{}, 1).hold(10), 1e9}));
+        thin, {name + "jumps", HardMotion(parts.mount).go(Bend{30, 0, 45}, 1).hold(5).go(Bend{}, 1).hold(10), kNoLimit}));
   }
 }
 
@@ -128,7 +128,7 @@ void run_tiers(const ShapeParts& parts, std::vector<HardCaseResult>& results) {
       {"one factorisation, no chord step", {Tier::kNewton, 1, 0}}};
   for (const auto& [name, settings] : tiers)
     results.push_back(run_hard_case(
-        parts, {.name = name, .motion = motion, .allowed_mm = 1e9, .allowed_end_mm = 0.05, .settings = settings}));
+        parts, {.name = name, .motion = motion, .allowed_mm = kNoLimit, .allowed_end_mm = 0.05, .settings = settings}));
 }
 
 // The shape of a bent finger with one node pushed through the opposite face of a tetrahedron.
@@ -152,7 +152,7 @@ void run_inverted_start(const ShapeParts& parts, std::vector<HardCaseResult>& re
     answer.quality = Quality::kFresh;
     examine(parts, answer, result);
   }
-  result.worst_mm = result.end_mm = HardCaseTruth(parts, 1).distance(poses, solver.node_mm()).value_or(1e9);
+  result.worst_mm = result.end_mm = HardCaseTruth(parts, 1).distance(poses, solver.node_mm()).value_or(kNoLimit);
   results.push_back(result);
 }
 
@@ -184,8 +184,8 @@ void run_soft_handles(const ShapeParts& parts, std::vector<HardCaseResult>& resu
     std::snprintf(name, sizeof name, "soft handles, omega %.0e", omega);
     HardCaseResult result{.name = name};
     result.allowed_steps = SoftNewtonSolver<double>::kPublishedSteps;
-    result.allowed_mm = 1e9;
-    result.allowed_end_mm = omega >= 1e5 ? 0.05 : 1e9;
+    result.allowed_mm = kNoLimit;
+    result.allowed_end_mm = omega >= 1e5 ? 0.05 : kNoLimit;
     SoftNewtonSolver<double> solver(soft_model.view(), parts.mount, omega);
     std::vector<float> node_mm(parts.shape.rest_mm.size());
     for (const PlatePoses& poses : motion.frames) {

@@ -19,8 +19,7 @@ constexpr std::uint64_t kSearchSeed = 22;
 constexpr std::size_t kPictures = 10;
 
 json row_of(const HardCaseResult& result) {
-  constexpr double kNotJudged_mm = 1e6;
-  const auto limit = [](double mm) { return mm < kNotJudged_mm ? json(mm) : json(nullptr); };
+  const auto limit = [](double mm) { return std::isfinite(mm) ? json(mm) : json(nullptr); };
   return {{"family", result.family},
           {"name", result.name},
           {"frames", result.frames},
