@@ -31,7 +31,7 @@ constexpr double kHysteresis = 0.02;        // relative deviation of forces that
 constexpr float kUsualHysteresis = 0.065F;  // of polyurethane: widest gap, of the full force
 
 constexpr double kSettling_s = 0.5;  // after a weight was hung up, and before it is taken off
-constexpr double kShortestHold_s = 2;
+constexpr double kShortestHold_s = 2, kShortestBreak_s = 0.9;
 constexpr double kCreepHold_s = 20;  // tells creep
 constexpr double kWrongForce = 0.35, kWrongPlace_mm = 9;
 
@@ -39,12 +39,16 @@ struct Series {
   std::vector<double> after_s, force_n;
 };
 
-/// The longest run of touches.
+/// The longest touch: from its first reading to behind its last. Single frames of a touch may be unexplained, but no
+/// weight comes off and back within kShortestBreak_s.
 std::pair<std::size_t, std::size_t> longest_touch(const std::vector<TouchReading>& readings) {
   std::pair<std::size_t, std::size_t> best{0, 0};
-  for (std::size_t i = 0, first = 0; i < readings.size(); ++i) {
-    if (!readings[i].is_valid) first = i + 1;
-    if (i + 1 - first > best.second - best.first) best = {first, i + 1};
+  std::size_t first = 0, end = 0;
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    if (!readings[i].is_valid) continue;
+    if (end == 0 || readings[i].time_s - readings[end - 1].time_s > kShortestBreak_s) first = i;
+    end = i + 1;
+    if (end - first > best.second - best.first) best = {first, end};
   }
   return best;
 }
@@ -68,7 +72,7 @@ WeightHold hold_of(const FitBasis& basis, const WeightRecord& record, Series& se
   for (std::size_t i = first; i < end; ++i) {
     const TouchReading& reading = record.readings[i];
     const double after_s = reading.time_s - hold.began_s;
-    if (after_s < kSettling_s || after_s > hold.lasted_s - kSettling_s) continue;
+    if (!reading.is_valid || after_s < kSettling_s || after_s > hold.lasted_s - kSettling_s) continue;
     series.after_s.push_back(after_s);
     series.force_n.push_back(reading.force_n);
     hold.point_mm += reading.point_mm;

@@ -73,6 +73,27 @@ TEST_CASE("weight fit: scale, creep and offset come out of nine weights") {
   for (const WeightHold& hold : fit.holds) CHECK(std::abs(hold.force_error) < 0.02);
 }
 
+TEST_CASE("weight fit: frames of a hanging weight that are not told as a touch do not end it") {
+  std::vector<WeightRecord> records = nine({});
+  for (WeightRecord& record : records) {
+    for (std::size_t i = 0; i < record.readings.size(); ++i) {
+      if (i % 7 == 0) record.readings[i] = {.time_s = record.readings[i].time_s};
+    }
+  }
+  const WeightFit fit = fit_weights(basis(), records, 1);
+  CHECK(fit.values.force_scale == doctest::Approx(1.3).epsilon(0.02));
+  CHECK(fit.values.creep_share == doctest::Approx(0.1).epsilon(0.1));
+  for (const WeightHold& hold : fit.holds) CHECK(hold.lasted_s > 4.5);
+}
+
+TEST_CASE("weight fit: two short touches are not one") {
+  std::vector<WeightRecord> records = nine({});
+  for (TouchReading& reading : records[2].readings) {  // hangs from 3 to 8 s
+    if (reading.time_s > 4.5 && reading.time_s < 6.5) reading = {.time_s = reading.time_s};
+  }
+  CHECK_THROWS_WITH_AS(fit_weights(basis(), records, 1), doctest::Contains("two seconds or more"), InputError);
+}
+
 TEST_CASE("weight fit: a finger that is softer towards its tip than the pack has a scale that falls along the face") {
   std::vector<WeightRecord> records = nine({});
   for (WeightRecord& record : records) {
