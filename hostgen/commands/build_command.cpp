@@ -40,7 +40,7 @@ struct Profile {
 };
 const std::map<std::string, Profile> kProfiles = {
     {"quick", {{.points = 60, .forces = 7}, 6000}},
-    {"full", {{.points = 570, .forces = 21}, 50000}},
+    {"full", {{.points = 570, .forces = 21}, 100000}},
 };
 
 // A state with contacts of its own takes longer than one that follows the path, and teaches more.
@@ -265,9 +265,10 @@ void add_build_command(CLI::App& app) {
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command->add_option("-o,--output", options->output, "model pack to write (.safetensors)")->required();
   command
-      ->add_option("--profile", options->profile,
-                   "quick: a few minutes; full: the paper's 570 points, with 21 forces each, or 11 where every force has "
-                   "contacts of its own (scenes with more than frictionless points)")
+      ->add_option(
+          "--profile", options->profile,
+          "quick: a few minutes; full: some twenty on two cores, the paper's 570 points with 21 forces each, or "
+          "11 where every force has contacts of its own (scenes with more than frictionless points)")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();
   command->add_option("--scene", options->scene,

@@ -12,6 +12,9 @@ namespace {
 
 constexpr double kPointShare = 0.25;         // of the round patches: too small for their size to matter
 constexpr double kFrictionlessShare = 0.15;  // of the touches in a scene with friction
+// Of the touches with friction: an object that slides rubs as much as it can. Were the largest friction the rarest, as it
+// is along any one direction of a disc, the network would take it for less.
+constexpr double kSlidingShare = 0.5;
 constexpr double kWholeWidthShare = 0.5;     // of the lines: longer than the face is wide
 constexpr double kLevelShare = 0.6;          // of the lines: across the finger, but for some degrees
 constexpr double kLevel_rad = 0.3;
@@ -24,6 +27,11 @@ constexpr double kFrictionPerMm = 0.075, kFollowPerMm = 0.15, kAnglePerMm_rad = 
 Eigen::Vector2d in_disc(double radius, Random& random) {
   const double r = radius * std::sqrt(random.uniform()), angle = random.uniform(0, 2 * std::numbers::pi);
   return {r * std::cos(angle), r * std::sin(angle)};
+}
+
+Eigen::Vector2d on_circle(double radius, Random& random) {
+  const double angle = random.uniform(0, 2 * std::numbers::pi);
+  return {radius * std::cos(angle), radius * std::sin(angle)};
 }
 
 double half_width_mm(const FingerSpec& spec, double y_mm) { return spec.half_width.at(y_mm) - spec.touch_edge_mm; }
@@ -49,7 +57,10 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
     contact.pressure = std::array{Pressure::kRound, Pressure::kEven, Pressure::kFlatEnd}[random.index(3)];
   }
   if (scene.friction > 0) {
-    if (random.uniform() >= kFrictionlessShare) contact.friction = in_disc(scene.friction, random);
+    if (random.uniform() >= kFrictionlessShare) {
+      const bool slides = random.uniform() < kSlidingShare;
+      contact.friction = slides ? on_circle(scene.friction, random) : in_disc(scene.friction, random);
+    }
     contact.follow = random.uniform();
   }
   return contact;

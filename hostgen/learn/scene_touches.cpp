@@ -16,6 +16,9 @@ namespace {
 
 // Of the touches that are trained on.
 constexpr double kOtherShare = 0.15;
+// Of a path's largest force: fingers that are softer than the spec's bend as if they were pushed harder, and must not
+// meet the end of what was learnt.
+constexpr double kBeyondForce = 1.25;
 
 /// Loads of contacts as the linear response and statics see them.
 struct Loads {
@@ -47,10 +50,12 @@ class Neighbourhood {
   TouchSample near(const FemState& state, Random& random) const {
     const FingerSpec& spec = finger_.spec;
     const Scene& scene = scenes_[state.scene];
+    const double state_n = static_cast<double>(state.force_n);
     const double step_n = (spec.force_n[1] - spec.force_n[0]) / std::max(1, plan_.forces - 1);
-    const bool is_lowest = static_cast<double>(state.force_n) < spec.force_n[0] + 0.5 * step_n;
-    const double lowest_n = is_lowest ? 0 : static_cast<double>(state.force_n) - 0.5 * step_n;
-    const double force_n = random.uniform(lowest_n, static_cast<double>(state.force_n) + 0.5 * step_n);
+    const double lowest_n = state_n < spec.force_n[0] + 0.5 * step_n ? 0 : state_n - 0.5 * step_n;
+    const bool goes_beyond = state.step == plan_.forces - 1 && random.uniform() < 0.5;
+    const double highest_n = goes_beyond ? kBeyondForce * state_n : state_n + 0.5 * step_n;
+    const double force_n = random.uniform(lowest_n, highest_n);
 
     const LoadPath& path = paths_.at(static_cast<std::size_t>(state.path));
     const std::vector<FaceContact>& contacts = path.contacts_at(state.step);
@@ -63,8 +68,8 @@ class Neighbourhood {
     // The face turns about as the plates do. That only has to be near: what the force is called, is what it is.
     const Eigen::Vector3d turn =
         0.5 * (state.plates[kTopPlate].rotation_rad + state.plates[kMiddlePlate].rotation_rad).cast<double>();
-    const Loads before = loads(contacts, static_cast<double>(state.force_n), turn);
-    const Loads after = loads(changed, force_n, turn * force_n / static_cast<double>(state.force_n));
+    const Loads before = loads(contacts, state_n, turn);
+    const Loads after = loads(changed, force_n, turn * force_n / state_n);
     TouchSample sample = between(state, before, after, force_n);
     sample.explained = state.scene == 0;
     sample.on_face = !scene.elsewhere;

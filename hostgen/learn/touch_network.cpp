@@ -206,10 +206,10 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
       scale(model.output_scale.data(), kMeans);
 
   trained.sample_inputs.resize(TouchModel::kInputs, kDraws);
-  Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kTouchTargets, kDraws), gradient;
-  measurements.draw(view, trained.sample_inputs, targets);
+  Eigen::MatrixXf sample_targets(kTouchTargets, kDraws);
+  measurements.draw(view, trained.sample_inputs, sample_targets);
   const Eigen::MatrixXf white = whitening(trained.sample_inputs);
-  targets.resize(kTouchTargets, plan.batch);
+  Eigen::MatrixXf inputs(TouchModel::kInputs, plan.batch), targets(kTouchTargets, plan.batch), gradient;
   Adam adam(trained.network);
   for (int step = 0; step < plan.steps; ++step) {
     measurements.draw(view, inputs, targets);

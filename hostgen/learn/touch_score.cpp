@@ -167,7 +167,7 @@ TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
   TouchScore score;
   Eigen::Array3d error_sq = Eigen::Array3d::Zero(), truth = error_sq, truth_sq = error_sq;
   Eigen::Array<double, 6, 1> wrench_sq = Eigen::Array<double, 6, 1>::Zero(), wrench_inside = wrench_sq;
-  double above_4_mm = 0, inside = 0, inside_twice = 0;
+  double inside = 0, inside_twice = 0;
   for (const TouchTrial& trial : trials) {
     if (trial.plate_motion_mm < threshold_mm) continue;
     ++score.touches;
@@ -180,9 +180,6 @@ TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
     score.mean_mm += error_mm;
     inside += radii(trial) <= 1.0;
     inside_twice += radii(trial) <= 2.0;
-    if (trial.plate_motion_mm < 4.0f) continue;
-    score.mean_above_4_mm += error_mm;
-    ++above_4_mm;
   }
   const double count = std::max<double>(1.0, static_cast<double>(score.touches));
   const Eigen::Array3d variance = truth_sq / count - (truth / count).square();
@@ -195,7 +192,6 @@ TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm) {
     score.wrench_coverage_68[static_cast<std::size_t>(i)] = wrench_inside[i] / count;
   }
   score.mean_mm /= count;
-  score.mean_above_4_mm /= std::max(1.0, above_4_mm);
   score.coverage_68 = inside / count;
   score.coverage_95 = inside_twice / count;
   return score;
@@ -217,8 +213,8 @@ std::vector<std::size_t> halves_of_paths(const std::vector<TouchTrial>& trials) 
   return halves;
 }
 
-std::array<std::vector<TouchTrial>, 2> by_half(const std::vector<TouchTrial>& trials) {
-  const std::vector<std::size_t> half = halves_of_paths(trials);
+std::array<std::vector<TouchTrial>, 2> by_half(const std::vector<TouchTrial>& trials,
+                                               const std::vector<std::size_t>& half) {
   std::array<std::vector<TouchTrial>, 2> parts;
   for (std::size_t i = 0; i < trials.size(); ++i) parts[half[i]].push_back(trials[i]);
   return parts;
@@ -227,7 +223,7 @@ std::array<std::vector<TouchTrial>, 2> by_half(const std::vector<TouchTrial>& tr
 }  // namespace
 
 std::vector<TouchTrial> cross_calibrated(const std::vector<TouchTrial>& trials, double threshold_mm) {
-  const std::array<std::vector<TouchTrial>, 2> halves = by_half(trials);
+  const std::array<std::vector<TouchTrial>, 2> halves = by_half(trials, halves_of_paths(trials));
   std::vector<TouchTrial> calibrated;
   for (std::size_t half = 0; half < 2; ++half) {
     const Calibration calibration = calibrate(halves[1 - half], threshold_mm);
@@ -251,9 +247,9 @@ float radius_factor(const std::vector<TouchTrial>& trials, double threshold_mm) 
 }
 
 void scale_cross_fitted(std::vector<TouchTrial>& trials, double threshold_mm) {
-  const std::array<std::vector<TouchTrial>, 2> parts = by_half(trials);
-  const std::array factors = {radius_factor(parts[1], threshold_mm), radius_factor(parts[0], threshold_mm)};
   const std::vector<std::size_t> half = halves_of_paths(trials);
+  const std::array<std::vector<TouchTrial>, 2> parts = by_half(trials, half);
+  const std::array factors = {radius_factor(parts[1], threshold_mm), radius_factor(parts[0], threshold_mm)};
   for (std::size_t i = 0; i < trials.size(); ++i) trials[i].radius_68_mm *= factors[half[i]];
 }
 

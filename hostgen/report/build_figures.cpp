@@ -15,7 +15,8 @@ json score_json(const TouchScore& score) {
   return {{"rmse_mm", score.rmse_mm},
           {"r2", score.r2},
           {"mean_mm", score.mean_mm},
-          {"mean_above_4_mm", score.mean_above_4_mm},
+          {"force_rmse_n", std::vector(score.wrench_rmse.begin(), score.wrench_rmse.begin() + 3)},
+          {"moment_rmse_nm", std::vector(score.wrench_rmse.begin() + 3, score.wrench_rmse.end())},
           {"touches", score.touches}};
 }
 
@@ -73,6 +74,7 @@ void write_build_figures(const std::filesystem::path& pack, const BuildFigures& 
        {{"random_clean", score_json(touch.random_clean)},
         {"held_out_clean", score_json(touch.held_out_clean)},
         {"held_out_noisy", score_json(touch.held_out_noisy)},
+        {"held_out_from_4_mm", score_json(touch.held_out_from_4_mm)},
         {"random_noisy", score_json(touch.random_noisy)},
         {"quantisation_loss_mm", touch.quantisation.mean_mm},
         {"quantisation",

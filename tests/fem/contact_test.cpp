@@ -125,14 +125,16 @@ TEST_CASE("scene contacts: stay within the scene's numbers and are the same for 
   const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
   for (const Scene& scene : common_scenes()) {
     Random random(5), same(5);
-    int lines = 0;
+    int lines = 0, sliding = 0;
     double most_friction = 0;
-    for (int i = 0; i < 400; ++i) {
+    constexpr int kDraws = 400;
+    for (int i = 0; i < kDraws; ++i) {
       const std::vector<FaceContact> contacts = draw_contacts(spec, scene, {3, 60}, random);
       REQUIRE(contacts.size() == static_cast<std::size_t>(scene.contacts));
       CHECK(contacts[0].friction == draw_contacts(spec, scene, {3, 60}, same)[0].friction);
       for (const FaceContact& contact : contacts) {
         most_friction = std::max(most_friction, contact.friction.norm());
+        sliding += contact.friction.norm() > 0.9999 * scene.friction;
         lines += contact.half_length_mm > 0;
         if (contact.half_length_mm == 0) CHECK(contact.radius_mm <= scene.patch_radius_mm);
         const FaceContact other = vary(spec, scene, contact, 4, random);
@@ -143,8 +145,11 @@ TEST_CASE("scene contacts: stay within the scene's numbers and are the same for 
       }
       same = random;
     }
-    CHECK(most_friction <= scene.friction);
+    CHECK(most_friction <= scene.friction + 1e-12);
     CHECK(most_friction >= 0.95 * scene.friction);
+    if (scene.friction > 0 && !scene.elsewhere) {
+      CHECK(std::abs(double(sliding) / (kDraws * scene.contacts) - 0.425) < 0.06);
+    }
     CHECK((lines > 0) == (scene.line_share > 0));
     if (scene.contacts < 2) continue;
     const std::vector<FaceContact> two = draw_contacts(spec, scene, {0, 60}, random);

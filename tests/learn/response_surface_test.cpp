@@ -65,7 +65,7 @@ TEST_CASE("response surface: too few states are refused") {
   CHECK_THROWS_WITH_AS(ResponseSurface(few, column().spec.noise), doctest::Contains("too few"), std::runtime_error);
 }
 
-TEST_CASE("scene touches: force and moment belong together") {
+TEST_CASE("scene touches: force and moment belong together, up to a quarter beyond the largest force") {
   const Column& made = column();
   const auto finger = std::make_shared<const PushedFinger>(made.spec, made.mesh);
   const LinearResponse response(*finger);
@@ -73,8 +73,10 @@ TEST_CASE("scene touches: force and moment belong together") {
   Random random(3);
   const std::vector<TouchSample> touches = source(made.dataset.states, {}, 300, random);
   REQUIRE(touches.size() == 300);
+  int beyond = 0;
   for (const TouchSample& touch : touches) {
-    CHECK(touch.force_n <= 0.46F);
+    CHECK(touch.force_n <= 1.25F * static_cast<float>(made.spec.force_n[1]));
+    beyond += touch.force_n > 1.15F * static_cast<float>(made.spec.force_n[1]);
     CHECK(touch.numbers.allFinite());
     // Moment is arm times force wherever the force is of one contact.
     const Vec3f axes_n = touch.force_vector_n;  // the column's face looks along -z: normal z, across x, along y
@@ -82,6 +84,7 @@ TEST_CASE("scene touches: force and moment belong together") {
     const Vec3f moment_nm = 1e-3F * (touch.point_mm + touch.displacement_mm).cross(force_n);
     CHECK((touch.moment_nm - moment_nm).norm() < 0.1F * moment_nm.norm() + 2e-4F);
   }
+  CHECK(beyond > 5);
 }
 
 TEST_CASE("scene touches: some are of other scenes, and those elsewhere than on the face teach nothing of a point") {

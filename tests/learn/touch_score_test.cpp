@@ -107,7 +107,7 @@ TEST_CASE("touch score: figures of hand-made trials") {
   const TouchScore result = score(trials, 2);
   CHECK(result.touches == 100);
   CHECK(result.mean_mm == doctest::Approx(0.505));
-  CHECK(result.mean_above_4_mm == doctest::Approx(0.255));
+  CHECK(score(trials, 4).mean_mm == doctest::Approx(0.255));
   CHECK(result.rmse_mm[0] == 0);
   CHECK(result.rmse_mm[1] == doctest::Approx(std::sqrt(0.33835)).epsilon(1e-4));
   CHECK(result.r2[1] == doctest::Approx(1 - 0.33835 / 0.25).epsilon(1e-4));

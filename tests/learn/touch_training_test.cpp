@@ -84,7 +84,7 @@ TEST_CASE("touch training: held-out points of a smooth finger are found, and the
   const TouchTraining& result = trained();
   MESSAGE(result.log);
   CHECK(result.held_out_clean.mean_mm < 3);
-  CHECK(result.held_out_noisy.mean_above_4_mm < 3.5);
+  CHECK(result.held_out_from_4_mm.mean_mm < 3.5);
   CHECK(result.held_out_clean.mean_mm <= result.held_out_noisy.mean_mm);
   CHECK(result.held_out_noisy.r2[1] > 0.95);
   CHECK(result.quantisation.mean_mm > 0);
