@@ -228,9 +228,8 @@ void run(const Options& options) {
   std::printf("finite elements: %zu states, %zu of them pushed too far, %zu buckled, %zu not converged, %.1f s\n",
               figures.fem_states, figures.fem_too_far, figures.fem_failed - not_converged, not_converged,
               figures.fem_seconds);
-  if (!contacts_change(parts.spec.scene(dataset.plan.scene))) {
-    figures.deformation = measure_deformation_rise(dataset, parts.shape.front_nodes);
-  }
+  figures.deformation =
+      measure_deformation_rise(parts.spec.scene(dataset.plan.scene), dataset, parts.shape.front_nodes);
   figures.rated_deformation_mm = parts.spec.rated_deformation_mm;
   std::printf("%s\n", deformation_text(figures.deformation, figures.rated_deformation_mm).c_str());
 

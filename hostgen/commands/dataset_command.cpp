@@ -56,8 +56,7 @@ void run(const Options& options) {
   if (dataset.count(Outcome::kEquilibrium) == 0) {
     throw std::runtime_error(options.output.string() + ": no load reached equilibrium; nothing can be learned from it");
   }
-  const DeformationRise rise =
-      contacts_change(spec.scene(plan.scene)) ? DeformationRise{} : measure_deformation_rise(dataset, mesh.front_nodes);
+  const DeformationRise rise = measure_deformation_rise(spec.scene(plan.scene), dataset, mesh.front_nodes);
   std::printf("%s\n", deformation_text(rise, spec.rated_deformation_mm).c_str());
 }
 

@@ -12,7 +12,9 @@ double front_rms_mm(const FemDataset& dataset, std::size_t state, std::span<cons
   return front_rms_mm(std::span(dataset.node_displacement_mm).subspan(numbers * state, numbers), front_nodes);
 }
 
-DeformationRise measure_deformation_rise(const FemDataset& dataset, std::span<const std::int32_t> front_nodes) {
+DeformationRise measure_deformation_rise(const Scene& scene, const FemDataset& dataset,
+                                         std::span<const std::int32_t> front_nodes) {
+  if (contacts_change(scene)) return {};
   std::map<std::int32_t, std::map<float, std::size_t>> paths;  // valid states by force
   for (std::size_t i = 0; i < dataset.states.size(); ++i) {
     const FemState& state = dataset.states[i];

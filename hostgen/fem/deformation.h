@@ -31,7 +31,9 @@ struct DeformationRise {
   double worst_drop_mm = 0;        ///< the furthest that a deformation falls below that of a lower force at its point
   Vec3f worst_point_mm = Vec3f::Zero();  ///< where that is
 };
-DeformationRise measure_deformation_rise(const FemDataset& dataset, std::span<const std::int32_t> front_nodes);
+/// Of no point where the contacts of a path change: its states are not to be compared.
+DeformationRise measure_deformation_rise(const Scene& scene, const FemDataset& dataset,
+                                         std::span<const std::int32_t> front_nodes);
 /// One line of it for people; `rated_mm` is the deformation of level 1000 per mille.
 std::string deformation_text(const DeformationRise& rise, double rated_mm);
 

@@ -92,7 +92,8 @@ void run_slivers(const ShapeParts& parts, std::vector<HardCaseResult>& results) 
     results.push_back(run_hard_case(
         thin, {name + "bend and twist", HardMotion(parts.mount).bend({30, 0, 45}).bend({}).hold(10), 0.5}));
     results.push_back(run_hard_case(
-        thin, {name + "jumps", HardMotion(parts.mount).go(Bend{30, 0, 45}, 1).hold(5).go(Bend{}, 1).hold(10), kNoLimit}));
+        thin,
+        {name + "jumps", HardMotion(parts.mount).go(Bend{30, 0, 45}, 1).hold(5).go(Bend{}, 1).hold(10), kNoLimit}));
   }
 }
 
