@@ -19,7 +19,7 @@ namespace {
 Model tested_model(const Settings& settings) {
   if (settings.unusable) throw InputError(*settings.unusable);
   Model model = Model::open(settings.pack);
-  check_self_test(model);
+  check_self_test(model, settings.loop.shape.tier);
   log_message(settings.name,
               "model " + model.finger_name + " (" + std::to_string(model.shape.tets) + " tets) passed its self-test");
   return model;

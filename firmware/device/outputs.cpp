@@ -28,7 +28,7 @@ void on_crash(int signal) {
   std::raise(signal);
 }
 
-constexpr std::chrono::milliseconds kPatience(10'000), kBetweenTries(100);
+constexpr std::chrono::milliseconds kPatience(10'000), kBetweenTries(20);
 
 std::unique_ptr<Gpio> open_patiently(const GpioSettings& settings) {
   for (const auto end = std::chrono::steady_clock::now() + kPatience;; std::this_thread::sleep_for(kBetweenTries)) {

@@ -71,20 +71,19 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
   return answer;
 }
 
-void check_self_test(const Model& model) {
+void check_self_test(const Model& model, ShapeSettings::Tier tier) {
+  using Tier = ShapeSettings::Tier;
   const SelfTestModel& expected = model.self_test;
+  const bool by_contact = model.contact_map && (tier == Tier::kContact || tier == Tier::kBest);
+  const ShapeSettings settings = by_contact ? ShapeSettings{.tier = Tier::kContact} : ShapeSettings{};
   for (std::size_t c = 0; c < static_cast<std::size_t>(expected.cases); ++c) {
-    const std::span<const float> numbers = expected.poses.subspan(kPoseDims * c, kPoseDims);
-    const SelfTestAnswer answer = answer_self_test(model, numbers);
-    check_shape(model, c, "shape coordinate", answer.shape_mm, expected.shape_mm);
+    const SelfTestAnswer answer = answer_self_test(model, expected.poses.subspan(kPoseDims * c, kPoseDims), settings);
+    check_shape(model, c, by_contact ? "contact shape coordinate" : "shape coordinate", answer.shape_mm,
+                by_contact ? expected.contact_shape_mm : expected.shape_mm);
     for (std::size_t i = 0; i < answer.touch.size(); ++i) {
       check_near(model, c, "touch number", i, answer.touch[i], expected.touch[7 * c + i], kSelfTestTouchTolerance);
     }
-    check_registers(model, c, answer.registers, expected.registers);
-    if (!model.contact_map) continue;
-    const SelfTestAnswer by_contact = answer_self_test(model, numbers, {.tier = ShapeSettings::Tier::kContact});
-    check_shape(model, c, "contact shape coordinate", by_contact.shape_mm, expected.contact_shape_mm);
-    check_registers(model, c, by_contact.registers, expected.contact_registers);
+    check_registers(model, c, answer.registers, by_contact ? expected.contact_registers : expected.registers);
   }
 }
 

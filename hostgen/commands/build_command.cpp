@@ -130,7 +130,8 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
     }
   }
   write_model_pack(options.output, views);
-  check_self_test(Model::open(options.output));
+  const Model model = Model::open(options.output);
+  for (const auto tier : {ShapeSettings::Tier::kNewton, ShapeSettings::Tier::kContact}) check_self_test(model, tier);
 }
 
 /// The finite-element states: from a file, or computed. An interrupted run keeps finished paths beside the pack and

@@ -44,11 +44,13 @@ const TinyModel& good() {
   return tiny;
 }
 
+using Tier = ShapeSettings::Tier;
+
 /// The self-test's message for this model, or "passed".
-doctest::String verdict(const TinyModel& tiny) {
+doctest::String verdict(const TinyModel& tiny, Tier tier = Tier::kNewton) {
   const Model model = tiny.open();
   try {
-    check_self_test(model);
+    check_self_test(model, tier);
   } catch (const SelfTestError& error) {
     return error.what();
   }
@@ -107,19 +109,29 @@ TEST_CASE("self-test: names the coordinate or touch number that is off") {
   CHECK(verdict(touch) == doctest::Contains("self-test case 1, touch number 6: found"));
 }
 
-TEST_CASE("self-test: tests the contact map, too, if there is one") {
-  TinyModel shape = good(), registers = good(), without = good();
+TEST_CASE("self-test: tests the contact map where its tier is to run, and the Newton steps where they are") {
+  TinyModel shape = good(), registers = good(), newton = good(), without = good();
   REQUIRE(good().test_contact_registers[43] == static_cast<int>(ShapeSource::kContactMap));
   shape.test_contact_shape_mm[11] += 2 * kSelfTestShapeTolerance_mm;
-  CHECK(verdict(shape) == doctest::Contains("self-test case 0, contact shape coordinate 11: found"));
   registers.test_contact_registers[43] = 1;
-  CHECK(verdict(registers) == doctest::Contains("self-test case 0, register 43: found"));
+  newton.test_shape_mm[10] += 2 * kSelfTestShapeTolerance_mm;
   without.has_contact_map = false;
-  CHECK(verdict(without) == "passed");
+  for (const Tier tier : {Tier::kContact, Tier::kBest}) {
+    CHECK(verdict(good(), tier) == "passed");
+    CHECK(verdict(shape, tier) == doctest::Contains("self-test case 0, contact shape coordinate 11: found"));
+    CHECK(verdict(registers, tier) == doctest::Contains("self-test case 0, register 43: found"));
+    CHECK(verdict(newton, tier) == "passed");
+  }
+  CHECK(verdict(shape, Tier::kNewton) == "passed");
+  CHECK(verdict(without, Tier::kBest) == "passed");
+  without.test_shape_mm[10] += 2 * kSelfTestShapeTolerance_mm;
+  CHECK(verdict(without, Tier::kBest) == doctest::Contains("self-test case 0, shape coordinate 10: found"));
 }
 
-TEST_CASE("self-test: refuses a changed network") {
+TEST_CASE("self-test: refuses a changed network, whatever the tier") {
   TinyModel tiny = good();
   tiny.bias[2][1] += 0.1f;  // of touch y
-  CHECK(verdict(tiny) == doctest::Contains("self-test case 1, touch number 1: found"));
+  for (const Tier tier : {Tier::kNewton, Tier::kContact}) {
+    CHECK(verdict(tiny, tier) == doctest::Contains("self-test case 1, touch number 1: found"));
+  }
 }

@@ -133,7 +133,7 @@ class Machine:
         began = time.monotonic() if since_now else self.switched_on
         while time.monotonic() - began < limit_s * self.slowness:
             assert self.process.poll() is None, "qemu ended: " + (self.folder / "qemu.log").read_text()
-            words = read_registers(self.port)
+            words = read_registers(self.port, timeout=3 if self.has_answered else 1)
             if words and words[39] == TEST_CONSTANT and not self.has_answered:
                 self.has_answered = True
                 self.slowness = max(1.0, (time.monotonic() - self.switched_on) / NOMINAL_START_S)
