@@ -70,7 +70,7 @@ class Bench:
 
     def order(self, command):
         """A command by name, over Modbus."""
-        key = self.machine.shell("sed -n s/^write_key=//p /run/finsight/identity")[1].strip()
+        key = self.machine.identity()["write_key"]
         subprocess.run([SOURCE / "scripts/finsightctl", "do", "127.0.0.1", command, "--port", str(self.machine.port),
                         "--key", key], check=True, capture_output=True)
 

@@ -23,12 +23,6 @@ FULL_SPEED = '\n[source]\nspeed = "full"\n'
 IMAGE_MADE, IMAGE_SLOT = 3122, 3124  # registers
 
 
-def identity_of(board):
-    """Which is known a moment after the sensor answers."""
-    _, said = board.shell("for i in $(seq 300); do [ -s /run/finsight/name ] && break; sleep 1; done; cat /run/finsight/identity")
-    return dict(line.split("=", 1) for line in said.splitlines())
-
-
 def get(board, path, host, limit_s=60):
     """Of the page, which starts after the sensor and has the lowest priority."""
     request = urllib.request.Request(f"http://127.0.0.1:{board.page_port}{path}", headers={"Host": host})
@@ -56,14 +50,14 @@ def is_found_by_name_where_nobody_gives_out_addresses(bench):
         found = {service: link.ask(f"{service}.local.", const._TYPE_PTR, limit_s)[0].alias
                  for service in ("_modbus._tcp", "_http._tcp")}
         name = found["_modbus._tcp"].split(".")[0]
-        serial = identity_of(board)["serial"]
+        serial = board.identity()["serial"]
         check(name == f"finsight-{serial}".lower(), f"announced: {found}, serial number {serial}")
         addresses = [socket.inet_ntoa(record.address) for record in link.ask(f"{name}.local.", const._TYPE_A, limit_s)]
         check(any(address.startswith("169.254.") for address in addresses), f"addresses of {name}: {addresses}")
         ports = {service: link.ask(found[service], const._TYPE_SRV, limit_s)[0].port for service in found}
         check(ports == {"_modbus._tcp": 502, "_http._tcp": 80}, f"{ports}")
     board.wait_console(f"serial number {serial}, {name}.local, addresses: .*169\\.254\\.", 60)
-    board.wait_console(f"write key {identity_of(board)['write_key']}", 60)
+    board.wait_console(f"write key {board.identity()['write_key']}", 60)
     page = get(board, "/", f"{name}.local")
     state = json.loads(get(board, "/api/state", f"{name}.local"))
     check(b"<html" in page and state["serial_number"] == serial, state.get("serial_number"))
@@ -94,7 +88,7 @@ def every_device_has_its_own_key(bench):
         board = bench.machine
         board.start()
         board.wait_registers(lambda words: words[0] & READY)
-        keys.append(int(identity_of(board)["write_key"]))
+        keys.append(int(board.identity()["write_key"]))
         check(unlocks(board, keys[-1]), f"key {keys[-1]} is not taken")
     check(len(set(keys)) == 2 and 18003 not in keys, f"keys: {keys}")
     check(not unlocks(board, 18003), "the workstation's key is taken")
@@ -102,7 +96,7 @@ def every_device_has_its_own_key(bench):
     machine.write_settings(bench.card, bench.default_settings.replace("[modbus]\n", "[modbus]\nwrite_key = 4711\n") + FULL_SPEED)
     board.start()
     board.wait_registers(lambda words: words[0] & READY)
-    check(identity_of(board)["write_key"] == "4711", "the console would show another key than the settings'")
+    check(board.identity()["write_key"] == "4711", "the console would show another key than the settings'")
     check(unlocks(board, 4711), "the settings' key is not taken")
     check(not unlocks(board, keys[-1]), "the device's own key is taken, too")
     check(board.shell("cat /data/identity/write-key")[1].strip() == str(keys[-1]), "the key did not survive the power cut")
@@ -142,7 +136,7 @@ def a_stick_gets_the_report(bench):
     """A stick that asks gets log, settings, registers, versions; the first one also the key, which is nowhere else on it."""
     board = bench.running_afresh()
     board.wait_up()
-    key = identity_of(board)["write_key"]
+    key = board.identity()["write_key"]
     files = ask_by_stick(bench)
     check(f"write_key={key}" in files.get("finsight-key.txt", b"").decode(), f"on the stick: {list(files)}")
     report = WORK / "report.tar.gz"

@@ -190,6 +190,11 @@ class Machine:
         output, _, last = text.rstrip("\n").rpartition("\n")
         return int(last.split()[-2]), output
 
+    def identity(self):
+        """Serial number, ports and write key, which are known a moment after the sensor answers."""
+        _, said = self.shell("for i in $(seq 300); do [ -s /run/finsight/name ] && break; sleep 1; done; cat /run/finsight/identity")
+        return dict(line.split("=", 1) for line in said.splitlines())
+
     def times_logged(self, pattern, of="-b"):
         """How many lines of the guest's log match; `of`: which part of it, as journalctl's options. While the log is rotated
         there may be fewer than before, and journalctl says so on its error output."""
