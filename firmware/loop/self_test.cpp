@@ -74,7 +74,7 @@ SelfTestAnswer answer_self_test(const Model& model, std::span<const float> numbe
 void check_self_test(const Model& model, ShapeSettings::Tier tier) {
   using Tier = ShapeSettings::Tier;
   const SelfTestModel& expected = model.self_test;
-  const bool by_contact = model.contact_map && (tier == Tier::kContact || tier == Tier::kBest);
+  const bool by_contact = model.contact_map && chosen_tier(model, tier) == Tier::kContact;
   const ShapeSettings settings = by_contact ? ShapeSettings{.tier = Tier::kContact} : ShapeSettings{};
   for (std::size_t c = 0; c < static_cast<std::size_t>(expected.cases); ++c) {
     const SelfTestAnswer answer = answer_self_test(model, expected.poses.subspan(kPoseDims * c, kPoseDims), settings);

@@ -31,8 +31,8 @@ struct SelfTestError : InputError {
   using InputError::InputError;
 };
 
-/// Of the pack's answers those of the tier that is to run: kContact's for it and for kBest if the pack has a contact
-/// map, else the default settings'. Throws SelfTestError naming the case, what was found and what was expected.
+/// Of the pack's answers those of the tier that is to run (chosen_tier()): kContact's, or the default settings' for
+/// every other. Throws SelfTestError naming the case, what was found and what was expected.
 void check_self_test(const Model& model, ShapeSettings::Tier tier);
 
 }  // namespace finsight

@@ -12,8 +12,7 @@ namespace finsight {
 namespace {
 
 ShapeSettings chosen(const Model& model, ShapeSettings settings) {
-  using Tier = ShapeSettings::Tier;
-  if (settings.tier == Tier::kBest) settings.tier = model.contact_map ? Tier::kContact : Tier::kNewton;
+  settings.tier = chosen_tier(model, settings.tier);
   return settings;
 }
 
@@ -26,6 +25,12 @@ ShapeParts parts_of(const Model& model, ShapeSettings::Tier tier) {
 }
 
 }  // namespace
+
+ShapeSettings::Tier chosen_tier(const Model& model, ShapeSettings::Tier tier) {
+  using Tier = ShapeSettings::Tier;
+  if (tier != Tier::kBest) return tier;
+  return model.contact_map ? Tier::kContact : Tier::kNewton;
+}
 
 std::unique_ptr<ShapeTier> make_shape_tier(const ShapeParts& parts, const ShapeSettings& settings) {
   switch (settings.tier) {

@@ -8,6 +8,9 @@
 
 namespace finsight {
 
+/// The tier that runs: with kBest the one that is best with this pack.
+ShapeSettings::Tier chosen_tier(const Model& model, ShapeSettings::Tier tier);
+
 class ShapeStage {
  public:
   /// Throws InputError if the tier is kContact and the pack has no contact map.
