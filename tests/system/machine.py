@@ -20,7 +20,7 @@ from firmware_process import free_port  # noqa: E402
 FIRMWARE = "/usr/share/AAVMF/AAVMF_CODE.fd"
 READY = 1  # bit of register 0
 TEST_CONSTANT = 0x1234  # register 39
-NOMINAL_START_S = 45  # power to the first answer, on an idle workstation with two cores
+NOMINAL_START_S = 45  # power to the first answer: a start that takes longer stretches all time limits
 TWO_CORES = ("-smp", "2", "-accel", "tcg,thread=multi")
 COUNTING = ("-smp", "1", "-accel", "tcg,thread=single", "-icount", "shift=0,sleep=off")  # a nanosecond for each instruction
 # The shell outlives what it ran when memory was out: systemd would stop the whole unit, and lose what the shell is told next.
