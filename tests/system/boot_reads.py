@@ -35,10 +35,10 @@ FRAME_BY_ITSELF = '[shape]\ntier = "map+newton"\n'
 def start_moments(board):
     """When the guest's services began, ours among them, and when that was ready: seconds after its kernel began. And how
     long it is up."""
-    _, said = board.shell("cut -d' ' -f1 /proc/uptime; systemctl show -P UserspaceTimestampMonotonic; "
+    _, said = board.shell("systemctl show -P UserspaceTimestampMonotonic; "
                           "systemctl show -P ExecMainStartTimestampMonotonic finsightd; "
-                          "systemctl show -P ActiveEnterTimestampMonotonic finsightd")
-    up_s, *moments_us = (float(word) for word in said.split())
+                          "systemctl show -P ActiveEnterTimestampMonotonic finsightd; cut -d' ' -f1 /proc/uptime")
+    *moments_us, up_s = (float(word) for word in said.split())
     return [moment / 1e6 for moment in moments_us] + [up_s]
 
 

@@ -30,7 +30,11 @@ class Case(unittest.TestCase):
                    f"echo write_key=$(cat {self.state}/write-key)\n")
 
         self.write("programs/busybox", "#!/bin/sh\ncase $1 in wget) exit 1 ;; ip) ;; sleep) exit ;; *) exec \"$@\" ;; esac\n"
-                   "echo '2: eth0 inet 169.254.7.8/16 brd x'; echo '1: lo inet 127.0.0.1/8'\n")
+                   "echo '2: eth0 inet 169.254.7.8/16 brd x'; echo '1: lo inet 127.0.0.1/8'\n"
+                   f"[ ! -e {self.folder}/third ] || echo '3: eth1 inet 10.1.2.3/24'\n")
+        # Time passes at once; with the third pause another address comes.
+        self.write("programs/sleep", f"#!/bin/sh\ncd {self.folder}\nif [ -e second ]; then touch third; fi\n"
+                   "if [ -e first ]; then touch second; fi\ntouch first\n")
 
     def write(self, name, text):
         file = self.folder / name
@@ -89,6 +93,8 @@ class Identity(Case):
         for wanted in ("AB_c 12", "finsight-ab-c-12.local", "169.254.7.8", str(key)):
             self.assertIn(wanted, said)
         self.assertNotIn("127.0.0.1", said)
+        self.assertEqual([line.split("addresses: ")[1].split() for line in said.splitlines() if "addresses" in line],
+                         [["169.254.7.8"], ["169.254.7.8", "10.1.2.3"]])
         self.assertEqual(self.run_script("identity", "show").stdout, "")
 
 
