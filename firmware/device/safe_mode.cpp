@@ -45,14 +45,14 @@ DeviceIdentity identity_in_safe_mode(const Settings& settings, FaultCode fault) 
 }
 
 std::unique_ptr<ModbusServer> open_server_with_fallback(const ModbusSettings& settings, Control& control,
-                                                        std::size_t fingers) {
+                                                        std::size_t fingers, const RegisterImage& first) {
   const std::vector<Control*> controls(fingers, &control);
+  const auto report = [](const std::string& text) { log_message(text); };
   try {
-    return std::make_unique<ModbusServer>(settings, controls, [](const std::string& text) { log_message(text); });
+    return std::make_unique<ModbusServer>(settings, controls, report, first);
   } catch (const std::system_error& error) {
     log_message(error.what());
-    return std::make_unique<ModbusServer>(fallback_settings(settings), controls,
-                                          [](const std::string& text) { log_message(text); });
+    return std::make_unique<ModbusServer>(fallback_settings(settings), controls, report, first);
   }
 }
 
@@ -80,7 +80,7 @@ SafeMode::SafeMode(const std::vector<Settings>& fingers, FaultCode fault)
       log_message(error.what());
     }
   }
-  server_ = open_server_with_fallback(fingers[0].modbus, control_, fingers_);
+  server_ = open_server_with_fallback(fingers[0].modbus, control_, fingers_, fault_.next(steady_now_ns()));
 }
 
 bool SafeMode::run(const std::atomic<bool>& stop, std::chrono::nanoseconds longest) {

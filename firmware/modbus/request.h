@@ -37,9 +37,9 @@ inline DeviceView view_now(TripleBuffer<RegisterImage>& latest, Control& control
 /// The fingers of a device as one client's thread sees them. Finger i has the unit id that is i above the first one's.
 class ServedFingers {
  public:
-  /// The controls must outlive it.
-  explicit ServedFingers(std::span<Control* const> controls) {
-    for (Control* control : controls) fingers_.emplace_back(*control);
+  /// `first`: what each serves until something is published for it. The controls must outlive it.
+  ServedFingers(std::span<Control* const> controls, const RegisterImage& first) {
+    for (Control* control : controls) fingers_.emplace_back(*control, first);
   }
   std::size_t count() const { return fingers_.size(); }
   /// Wait-free, from one thread at a time for each finger.
@@ -54,9 +54,9 @@ class ServedFingers {
 
  private:
   struct Finger {
-    explicit Finger(Control& its_control) : control(its_control) {}
+    Finger(Control& its_control, const RegisterImage& first) : control(its_control), latest(first) {}
     Control& control;
-    TripleBuffer<RegisterImage> latest{empty_block()};
+    TripleBuffer<RegisterImage> latest;
   };
   std::deque<Finger> fingers_;  // its elements stay where they are
 };

@@ -72,9 +72,9 @@ bool is_broadcast_write(std::uint8_t function) { return function == 6 || functio
 }  // namespace
 
 struct SerialLine::Impl {
-  Impl(const SerialSettings& wanted, std::span<Control* const> controls,
+  Impl(const SerialSettings& wanted, std::span<Control* const> controls, const RegisterImage& first,
        std::function<void(const std::string&)> listener)
-      : settings(wanted), fingers(controls), report(std::move(listener)), wake(::eventfd(0, EFD_CLOEXEC)) {
+      : settings(wanted), fingers(controls, first), report(std::move(listener)), wake(::eventfd(0, EFD_CLOEXEC)) {
     if (wake < 0) throw std::system_error(errno, std::generic_category(), "Modbus RTU");
     const auto character_us = std::chrono::microseconds(11'000'000 / settings.baud);
     gap = std::max(kMinGap, character_us * 7 / 2);
@@ -194,9 +194,9 @@ struct SerialLine::Impl {
   std::thread thread;
 };
 
-SerialLine::SerialLine(const SerialSettings& settings, std::span<Control* const> controls,
+SerialLine::SerialLine(const SerialSettings& settings, std::span<Control* const> controls, const RegisterImage& first,
                        std::function<void(const std::string&)> report)
-    : impl_(std::make_unique<Impl>(settings, controls, std::move(report))) {}
+    : impl_(std::make_unique<Impl>(settings, controls, first, std::move(report))) {}
 SerialLine::~SerialLine() = default;
 void SerialLine::publish(const RegisterImage& image, std::size_t finger) noexcept {
   impl_->fingers.publish(finger, image);

@@ -30,8 +30,8 @@ struct SerialSettings {
 class SerialLine {
  public:
   /// `report` gets one sentence when the device has been opened, cannot be opened (once) or has been lost; it is called
-  /// from the line's thread. The controls must outlive the line.
-  SerialLine(const SerialSettings& settings, std::span<Control* const> controls,
+  /// from the line's thread. `first`: what is served until something is published. The controls must outlive the line.
+  SerialLine(const SerialSettings& settings, std::span<Control* const> controls, const RegisterImage& first,
              std::function<void(const std::string&)> report);
   ~SerialLine();
   /// Wait-free, from one thread at a time for each finger.

@@ -103,9 +103,9 @@ int port_of(const Descriptor& listener) {
 
 struct ModbusServer::Impl {
   Impl(const ModbusSettings& wanted, std::span<Control* const> controls,
-       const std::function<void(const std::string&)>& report)
+       const std::function<void(const std::string&)>& report, const RegisterImage& first)
       : settings(wanted),
-        fingers(controls),
+        fingers(controls, first),
         listener(open_listener(settings)),
         port(port_of(listener)),
         wake(::eventfd(0, EFD_CLOEXEC)),
@@ -114,7 +114,7 @@ struct ModbusServer::Impl {
         clients(places.size()),
         polled(clients.size() + kFirstClient) {
     if (!wake.is_open()) throw std::system_error(errno, std::generic_category(), "Modbus server");
-    if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, controls, report);
+    if (settings.serial) serial = std::make_unique<SerialLine>(*settings.serial, controls, first, report);
     thread = std::thread([this] { run(); });
   }
 
@@ -276,8 +276,8 @@ struct ModbusServer::Impl {
 };
 
 ModbusServer::ModbusServer(const ModbusSettings& settings, std::span<Control* const> controls,
-                           const std::function<void(const std::string&)>& report)
-    : impl_(std::make_unique<Impl>(settings, controls, report)) {}
+                           const std::function<void(const std::string&)>& report, const RegisterImage& first)
+    : impl_(std::make_unique<Impl>(settings, controls, report, first)) {}
 ModbusServer::ModbusServer(const ModbusSettings& settings, Control& control,
                            const std::function<void(const std::string&)>& report)
     : ModbusServer(settings, std::array{&control}, report) {}

@@ -13,6 +13,7 @@
 
 #include "firmware/modbus/control.h"
 #include "firmware/modbus/network.h"
+#include "firmware/modbus/registers.h"
 #include "firmware/modbus/serial_line.h"
 #include "firmware/types.h"
 
@@ -36,8 +37,7 @@ struct ModbusSettings {
   int most_per_address() const { return max_per_address ? max_per_address : std::max(max_clients / 2, 1); }
 };
 
-/// Serves the latest RegisterImage published for each finger (before the first: a block that is not ready and has no
-/// valid values) with the commands and settings of its Control under its own unit id, and a block that gathers all
+/// Serves the latest RegisterImage published for each finger (before that: `first`) with the commands and settings of its Control under its own unit id, and a block that gathers all
 /// fingers under every one of them. A read of several registers is one consistent snapshot; register 3 (age) is
 /// computed when it is read. No client, whatever it sends or leaves unread, makes the server allocate memory or delays
 /// other clients by more than the time that one of its requests takes. ClientPlaces and TcpClient say what one gets.
@@ -46,8 +46,9 @@ class ModbusServer {
   /// Opens the port; throws std::system_error naming address and port (in use, not an IPv4 address, not permitted).
   /// A serial line that cannot be opened is not an error; `report` gets the reason, see SerialLine.
   /// `controls`: 1 to 4 fingers, in the order of their unit ids; they must outlive the server.
+  /// `first`: what every finger serves until something is published for it.
   ModbusServer(const ModbusSettings& settings, std::span<Control* const> controls,
-               const std::function<void(const std::string&)>& report = {});
+               const std::function<void(const std::string&)>& report = {}, const RegisterImage& first = empty_block());
   ModbusServer(const ModbusSettings& settings, Control& control,
                const std::function<void(const std::string&)>& report = {});
   ~ModbusServer();  ///< stops the threads and closes every connection

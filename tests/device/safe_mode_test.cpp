@@ -19,6 +19,15 @@ namespace {
 const std::string kBoard = "pack = \"p\"\n[source]\nkind = \"session\"\npath = \"s\"\n[modbus]\nport = 0\n";
 const std::string kNonsense = "[nonsense]\n";  // makes the strict reader refuse the file
 
+/// The measurement block; empty without an answer.
+std::vector<std::uint16_t> block_of(tests::Connection& client) {
+  const auto reply = client.ask(tests::hex("0001 0000 0006 01 03 0000 0030"), 9 + 2 * 48);
+  if (reply.size() != 9 + 2 * 48) return {};
+  std::vector<std::uint16_t> words;
+  for (std::size_t word = 0; word < 48; ++word) words.push_back(tests::word_at(reply, word));
+  return words;
+}
+
 /// Safe mode at work, and a client of it.
 class Serving {
  public:
@@ -27,17 +36,7 @@ class Serving {
         ended_(std::async(std::launch::async, [this] { return mode_.run(stop_); })),
         client_(mode_.port()) {}
   ~Serving() { end(); }
-  /// The measurement block, once one has been published.
-  std::vector<std::uint16_t> block() {
-    for (int i = 0; i < 100; ++i, std::this_thread::sleep_for(std::chrono::milliseconds(10))) {
-      const auto reply = client_.ask(tests::hex("0001 0000 0006 01 03 0000 0030"), 9 + 2 * 48);
-      if (reply.size() != 9 + 2 * 48) return {};
-      std::vector<std::uint16_t> words;
-      for (std::size_t word = 0; word < 48; ++word) words.push_back(tests::word_at(reply, word));
-      if (words[2] != 0) return words;
-    }
-    return {};
-  }
+  std::vector<std::uint16_t> block() { return block_of(client_); }
   void send(const std::string& request) { client_.send(tests::hex(request)); }
   tests::Bytes ask(const std::string& request, std::size_t bytes) { return client_.ask(tests::hex(request), bytes); }
   bool is_answered(const std::string& request, std::size_t bytes) { return ask(request, bytes).size() == bytes; }
@@ -79,6 +78,17 @@ TEST_CASE("safe mode: serves the fault, and no value as measured") {
     CHECK(std::isnan(abcd(words[20], words[21])));
     CHECK(safe.end());
   }
+}
+
+TEST_CASE("safe mode: its very first answer has the fault") {
+  const test::ScratchFolder folder;
+  SafeMode not_running(folder.write("board.toml", kBoard), FaultCode::kSettingsRefused);
+  tests::Connection client(not_running.port());
+  const auto words = block_of(client);
+  REQUIRE(words.size() == 48);
+  CHECK(words[0] == kAnyFault);
+  CHECK(words[1] == 5);
+  CHECK(words[2] == 1);  // the heartbeat
 }
 
 TEST_CASE("safe mode: tells in the diagnostics who the device is, and the fault since when") {

@@ -409,8 +409,7 @@ def wrong_settings_give_a_fault(bench):
     bench.fresh_card("\n[modbsu]\nport = 502\n")
     line = bench.default_settings.count("\n") + 2
     bench.machine.start()
-    # Until safe mode has published its fault, its answer is that of any start: not ready, no fault.
-    seconds, words = bench.machine.wait_registers(lambda words: words[1])
+    seconds, words = bench.machine.wait_registers()
     check(words[1] == 5 and words[0] == ANY_FAULT, f"status {words[0]:x}, fault {words[1]}")
     check(words[5] == 0x8000 and words[9] == 0xFFFF, "nothing is announced as measured")
     bench.machine.wait_console(f"finsight.toml:{line}: modbsu", 30)  # names file, line and key
