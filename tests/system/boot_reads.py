@@ -2,6 +2,7 @@
 import csv
 import re
 import shutil
+import statistics
 import subprocess
 import time
 
@@ -29,6 +30,7 @@ NEW_SHAPE_FRAMES = 5
 # which takes a fixed number of steps, it would be tenths of a millimetre; so there every frame is solved by itself.
 SKIPPED_PICTURES_COUNTS = 5
 MOST_LOST_AT_ONCE = 4  # images, between two blocks that are compared
+STARTS = 3  # of which the medians are told: a busy moment of the workstation lengthens any part of a start
 FRAME_BY_ITSELF = '[shape]\ntier = "map+newton"\n'
 
 
@@ -56,16 +58,23 @@ def start_by_parts(board, firmware_s, answer_s):
 def starts_and_answers(bench):
     """Power to the first valid Modbus answer, and to the first frame's registers."""
     bench.fresh_card('\n[source]\nspeed = "full"\n')
-    bench.machine.start()
-    firmware_s = bench.machine.wait_console("BdsDxe: starting")
-    seconds, _ = bench.machine.wait_registers()
-    parts = start_by_parts(bench.machine, firmware_s, seconds)
-    bench.measured.update(boot_s=round(seconds, 1), boot_parts_s=parts, own_start_s=parts["ours"])
+    starts = []
+    for _ in range(STARTS):
+        bench.machine.cut_power()
+        bench.machine.start()
+        firmware_s = bench.machine.wait_console("BdsDxe: starting")
+        seconds, _ = bench.machine.wait_registers()
+        starts.append({"all": round(seconds, 1), **start_by_parts(bench.machine, firmware_s, seconds)})
+    parts = {name: statistics.median(start[name] for start in starts) for name in starts[0]}
+    seconds = parts.pop("all")
+    bench.measured.update(boot_s=seconds, boot_parts_s=parts, own_start_s=parts["ours"],
+                          own_start_longest_s=max(start["ours"] for start in starts))
     ready, _ = bench.machine.wait_registers(lambda words: words[0] & READY)
     release = dict(line.split("=", 1) for line in bench.machine.shell("cat /usr/lib/finsight/release")[1].splitlines())
     bench.measured["version"] = release["version"]
     bench.measured["slot_mb"] = round((bench.update().stat().st_size - 4096) / 1e6, 1)
-    return f"first valid answer after {seconds:.1f} s ({parts}), first touch registers after {ready:.1f} s"
+    return (f"first valid answer after {seconds:.1f} s ({parts}; medians of {STARTS} starts, the longest of finsightd "
+            f"{bench.measured['own_start_longest_s']} s), first touch registers after {ready:.1f} s")
 
 
 def workstation_replay(bench, more="", session=SESSION):
