@@ -98,7 +98,8 @@ class Reports {
 /// Unit 17 on a line of 19200 baud; register i holds 0x1000 + i.
 struct Served {
   explicit Served(const std::string& device)
-      : line(settings(device), std::array{&control}, [this](const std::string& report) { reports.add(report); }) {
+      : line(settings(device), std::array{&control}, empty_block(),
+             [this](const std::string& report) { reports.add(report); }) {
     RegisterImage image;
     for (std::size_t i = 0; i < image.words.size(); ++i) image.words[i] = static_cast<std::uint16_t>(0x1000 + i);
     line.publish(image, 0);
@@ -228,7 +229,7 @@ TEST_CASE("serial line: each finger has a unit of its own, others' stay silent, 
   const Bus bus;
   Control first, second;
   Reports reports;
-  SerialLine line(Served::settings(bus.device()), std::array{&first, &second},
+  SerialLine line(Served::settings(bus.device()), std::array{&first, &second}, empty_block(),
                   [&](const std::string& report) { reports.add(report); });
   for (std::size_t finger = 0; finger < 2; ++finger) {
     RegisterImage image;
