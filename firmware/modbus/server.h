@@ -37,8 +37,8 @@ struct ModbusSettings {
   int most_per_address() const { return max_per_address ? max_per_address : std::max(max_clients / 2, 1); }
 };
 
-/// Serves the latest RegisterImage published for each finger (before that: `first`) with the commands and settings of its Control under its own unit id, and a block that gathers all
-/// fingers under every one of them. A read of several registers is one consistent snapshot; register 3 (age) is
+/// Serves the latest RegisterImage published for each finger (before that: `first`) with the commands and settings of
+/// its Control under its own unit id, and a block that gathers all fingers under every one of them. A read of several registers is one consistent snapshot; register 3 (age) is
 /// computed when it is read. No client, whatever it sends or leaves unread, makes the server allocate memory or delays
 /// other clients by more than the time that one of its requests takes. ClientPlaces and TcpClient say what one gets.
 class ModbusServer {
