@@ -17,8 +17,7 @@ from usb_camera import UsbCamera, read_images
 from virtual_frames import YAML, write_frames, write_session
 
 MEASURED = [*range(5, 20), 40, 41, 42]  # touch, force, deformation, top plate, contact
-# Radius and deviation tell of more than one image: a finger that jumps from one to the next counts as shaken, and a camera
-# does not know, as a session does, that its finger was at rest and hung as at its zero.
+# Radius and deviation tell of more than one image: a finger that jumps from one to the next counts as shaken.
 RADIUS, FORCE_DEVIATION = 8, 10
 OF_ONE_IMAGE = [r for r in MEASURED if r not in (RADIUS, FORCE_DEVIATION)]
 SHAPE = range(11, 20)
@@ -29,7 +28,6 @@ NEW_SHAPE_FRAMES = 5
 # Markers and plates follow the last ones, so images that a busy machine leaves out leave a trace in them. In the shape,
 # which takes a fixed number of steps, it would be tenths of a millimetre; so there every frame is solved by itself.
 SKIPPED_PICTURES_COUNTS = 5
-MOST_WITHHELD = 30  # as long as the finger counts as shaken after one image that the emulated camera lost unnoticed
 MOST_LOST_AT_ONCE = 4  # images, between two blocks that are compared
 STARTS = 3  # of which the medians are told: a busy moment of the workstation lengthens any part of a start
 FRAME_BY_ITSELF = '[shape]\ntier = "map+newton"\n'
@@ -301,9 +299,18 @@ def a_virtual_camera_is_read(bench):
     return f"{blocks} blocks of {len(seen)} images as replayed, worst difference {worst} counts, {others} other threads"
 
 
+def replay_as_of_a_camera(bench):
+    """The workstation's registers of the session, of which it knows no more than a camera tells: neither that the first
+    image shows the finger at rest nor how it hangs. The faintest touches are not told then."""
+    write_session(WORK / "camera", SESSION, read_images(SESSION)[2])
+    told = WORK / "camera/session.toml"
+    told.write_text(re.sub(r"(?m)^(from_rest|gravity_g) = .*\n", "", told.read_text()))
+    return workstation_replay(bench, FRAME_BY_ITSELF, WORK / "camera")
+
+
 def is_withheld(words, expected):
     """Whether the board says no touch where the workstation does: with images lost the finger looks shaken."""
-    return not words[0] & TOUCH_VALID and expected[0] & TOUCH_VALID
+    return not words[0] & TOUCH_VALID and bool(expected[0] & TOUCH_VALID)
 
 
 def camera_difference(words, expected):
@@ -350,14 +357,14 @@ def compare_camera(board, reference):
     worst = max(camera_difference(*pair) for pair in pairs)
     said = f"{len(pairs)} blocks ({touches} with a touch, {withheld} withheld) as replayed, worst difference {worst} counts, " \
            f"{lost} images lost"
-    check(touches >= MOST_WITHHELD / 2 and withheld <= MOST_WITHHELD and lost <= len(pairs) / 10, said)
+    check(touches > len(pairs) / 3 and withheld + lost <= len(pairs) / 10, said)
     return said
 
 
 @step
 def a_usb_camera_is_seen_lost_and_found_again(bench):
     """A USB camera's registers are the workstation's; unplugged: fault 1, safe outputs; then again, at any port."""
-    reference = workstation_replay(bench, FRAME_BY_ITSELF)
+    reference = replay_as_of_a_camera(bench)
     bench.fresh_card(camera_settings() + FRAME_BY_ITSELF)
     board = bench.machine
     board.start(*board.camera_port(), *board.camera_port("other"))
@@ -399,7 +406,7 @@ def the_image_for_any_uefi_computer_reads_a_camera(bench):
     """generic-uefi-arm64 with the same model: a USB camera's registers are the workstation's there, too."""
     board = "generic-uefi-arm64"
     subprocess.run([SOURCE / "scripts/image", board, "--pack", PACK], check=True, stdout=subprocess.DEVNULL)
-    reference = workstation_replay(bench, FRAME_BY_ITSELF)
+    reference = replay_as_of_a_camera(bench)
     image = next((SOURCE / "build/image" / board).glob("finsight-*.img"))
     bench.fresh_card(camera_settings() + FRAME_BY_ITSELF, image)
     bench.machine.start(*bench.machine.camera_port())
