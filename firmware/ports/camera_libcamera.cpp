@@ -238,9 +238,9 @@ class LibcameraCamera : public Camera {
     }
   }
 
-  bool ended() const override { return lost_ != nullptr; }
+  bool ended() const override { return events_->lost != nullptr; }
   std::string error() const override {
-    const char* why = lost_;
+    const char* why = events_->lost;
     return why ? why : "";
   }
   CameraCounts counts() const override { return {.broken = broken_}; }
@@ -294,8 +294,7 @@ class LibcameraCamera : public Camera {
       grey_.resize(static_cast<std::size_t>(settings_.width_px) * static_cast<std::size_t>(settings_.height_px));
     }
     make_requests();
-    camera_->requestCompleted.connect(this, &LibcameraCamera::on_completed);
-    camera_->disconnected.connect(this, &LibcameraCamera::on_disconnected);
+    connect_events();
     const libcamera::ControlList controls = choose_controls(*camera_, settings_);
     if (camera_->start(&controls) != 0) throw InputError("camera", label(*camera_) + " does not start");
     started_ = true;
@@ -319,36 +318,42 @@ class LibcameraCamera : public Camera {
     }
   }
 
+  /// Releasing is done by libcamera's thread, after all that waits for it. From then on nothing there uses our requests
+  /// and buffers, also of a camera that was unplugged, which stop() leaves as it is.
   void close() {
     if (shown_) planes_[shown_->cookie()]->end_read();
     if (started_) camera_->stop();
-    if (camera_) {
-      camera_->requestCompleted.disconnect(this);
-      camera_->disconnected.disconnect(this);
-    }
+    if (camera_) camera_->release();
     requests_.clear();
     planes_.clear();
     allocator_.reset();
-    if (camera_) camera_->release();
     camera_.reset();
   }
 
-  // The two handlers run in libcamera's thread.
-  void on_completed(libcamera::Request* request) {
-    // Cancelled: stopping, or unplugged. There is room for every request.
-    if (request->status() != libcamera::Request::RequestCancelled) completed_.put(request);
-  }
-  void on_disconnected() {
-    lost_ = "it was unplugged";
-    completed_.wake();
+  /// What libcamera's thread tells. Its slots are never disconnected: it may be calling one at that moment. They keep
+  /// what they write to and go with the camera, which that thread itself deletes.
+  struct Events {
+    HandOver<libcamera::Request*, kMaxBuffers> completed;
+    std::atomic<const char*> lost{nullptr};  // why
+  };
+
+  void connect_events() {
+    camera_->requestCompleted.connect(events_.get(), [events = events_](libcamera::Request* request) {
+      // Cancelled: stopping, or unplugged. There is room for every request.
+      if (request->status() != libcamera::Request::RequestCancelled) events->completed.put(request);
+    });
+    camera_->disconnected.connect(events_.get(), [events = events_] {
+      events->lost = "it was unplugged";
+      events->completed.wake();
+    });
   }
 
   /// The newest good frame; null if there is none in time. Older ones are returned unused, so that a late caller does
   /// not stay late: their numbers are missing from the sequence, so they count as dropped.
   libcamera::Request* take_newest(std::chrono::steady_clock::time_point limit) {
-    while (completed_.wait_until(limit) && !lost_) {
+    while (events_->completed.wait_until(limit) && !events_->lost) {
       libcamera::Request* newest = nullptr;
-      while (const auto completed = completed_.take()) {
+      while (const auto completed = events_->completed.take()) {
         libcamera::Request* unwanted = *completed;
         const libcamera::FrameMetadata* buffer = metadata_of(*unwanted);
         const bool good = !buffer || buffer->status == libcamera::FrameMetadata::FrameSuccess;
@@ -370,7 +375,7 @@ class LibcameraCamera : public Camera {
     if (request->status() != libcamera::Request::RequestPending) {
       request->reuse(libcamera::Request::ReuseBuffers);
     }
-    if (camera_->queueRequest(request) != 0) lost_ = "it takes no more requests";
+    if (camera_->queueRequest(request) != 0) events_->lost = "it takes no more requests";
   }
 
   /// The buffer's metadata, or null if the camera does not fill it in, as the virtual one: then its time stamp differs
@@ -411,9 +416,7 @@ class LibcameraCamera : public Camera {
   std::vector<std::unique_ptr<libcamera::Request>> requests_;
   bool started_ = false;
   libcamera::Request* shown_ = nullptr;  // holds the last frame's image
-
-  HandOver<libcamera::Request*, kMaxBuffers> completed_;
-  std::atomic<const char*> lost_{nullptr};  // why
+  const std::shared_ptr<Events> events_ = std::make_shared<Events>();
 };
 
 }  // namespace

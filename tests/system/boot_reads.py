@@ -392,7 +392,8 @@ def a_usb_camera_is_seen_lost_and_found_again(bench):
         again = compare_camera(board, reference)
         check_threads(board)  # of the camera that was opened while the loop was running
         _, now = board.shell("systemctl show -P MainPID finsightd")
-        check(now.strip() == process.strip(), f"the firmware was restarted: process {process!r}, now {now!r}")
+        _, log = board.shell("journalctl -b -o short-monotonic -n 40")
+        check(now.strip() == process.strip(), f"the firmware was restarted:\n{log}")
     with UsbCamera(board.folder / "other.sock", SESSION, CAMERA_FPS) as elsewhere:
         board.wait_registers(lambda words: words[0] & CAMERA_FAULT)
         elsewhere.plug()
