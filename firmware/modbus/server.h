@@ -38,9 +38,10 @@ struct ModbusSettings {
 };
 
 /// Serves the latest RegisterImage published for each finger (before that: `first`) with the commands and settings of
-/// its Control under its own unit id, and a block that gathers all fingers under every one of them. A read of several registers is one consistent snapshot; register 3 (age) is
-/// computed when it is read. No client, whatever it sends or leaves unread, makes the server allocate memory or delays
-/// other clients by more than the time that one of its requests takes. ClientPlaces and TcpClient say what one gets.
+/// its Control under its own unit id, and a block that gathers all fingers under every one of them. A read of several
+/// registers is one consistent snapshot; register 3 (age) is computed when it is read. No client, whatever it sends or
+/// leaves unread, makes the server allocate memory or delays other clients by more than the time that one of its
+/// requests takes. ClientPlaces and TcpClient say what one gets.
 class ModbusServer {
  public:
   /// Opens the port; throws std::system_error naming address and port (in use, not an IPv4 address, not permitted).
