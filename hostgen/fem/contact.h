@@ -65,14 +65,7 @@ class ContactLoad {
   void forces(double normal_n, const ElasticState& guess, PushedFinger::BodyVector& load);
   /// Whether the face stands otherwise in `state`, by more than half a degree, than in the guess of forces().
   bool has_turned(const ElasticState& state) const;
-  /// Adds to `sum` what `response(spot, force)` gives for every spot of the load that forces() made last.
-  template <class Sum, class Response>
-  void add_response(const Response& response, Sum& sum) const {
-    for (const Patch& patch : patches_) {
-      for (std::size_t i = 0; i < patch.spots.size(); ++i) sum += response(patch.spots[i].at, patch.force_n[i]);
-    }
-  }
-  /// Of that load, in the state that it led to.
+  /// Of the load that forces() made last, in the state that it led to.
   ContactResult result(const ElasticState& state) const;
 
  private:

@@ -57,11 +57,48 @@ std::array<double, 2> path_range(FingerStatics& statics, const LoadPath& load, c
   return found_n;
 }
 
+/// Loads like the state's own, of the path's scene: moved by about as much as neighbouring states of the set differ,
+/// and pressed by a force of the range.
+std::vector<FingerStatics::OtherLoad> nearby_loads(const FingerSpec& spec, const LoadPath& load, std::int32_t step,
+                                                   const std::array<double, 2>& range_n, int count, Random& random) {
+  // Paths whose contacts change lie among each other.
+  const double distance_mm = load.contacts.size() > 1 ? 0.5 * load.spacing_mm : load.spacing_mm;
+  std::vector<FingerStatics::OtherLoad> loads;
+  for (int i = 0; i < count; ++i) {
+    FingerStatics::OtherLoad other{.contacts = {}, .normal_n = random.uniform(range_n[0], range_n[1])};
+    for (const FaceContact& contact : load.contacts_at(step)) {
+      other.contacts.push_back(vary(spec, load.of, contact, distance_mm, random));
+    }
+    loads.push_back(std::move(other));
+  }
+  return loads;
+}
+
+/// Near the present state, which is the path's at `step`; after its last step also up to a quarter beyond its force:
+/// fingers that are softer than the spec's bend as if they were pushed harder, and must not meet the end of what was
+/// learnt. The finger may then stand there.
+std::vector<FemState> states_nearby(FingerStatics& statics, const FingerSpec& spec, const LoadPath& load,
+                                    std::int32_t step, int forces, double step_n, Random& random) {
+  constexpr double kBeyond = 1.125;
+  const auto force_n = static_cast<double>(statics.state().force_n);
+  const std::array<double, 2> around_n = {step == 0 ? 0 : force_n - 0.5 * step_n, force_n + 0.5 * step_n};
+  std::vector<FemState> nearby = statics.nearby(nearby_loads(spec, load, step, around_n, kNearby, random));
+  if (step + 1 == forces && statics.press(kBeyond * force_n) && statics.state().valid()) {
+    const std::array<double, 2> beyond_n = {force_n, (2 * kBeyond - 1) * force_n};
+    for (FemState& state : statics.nearby(nearby_loads(spec, load, step, beyond_n, kNearby, random))) {
+      nearby.push_back(state);
+    }
+  }
+  std::erase_if(nearby, [](const FemState& state) { return !state.valid(); });
+  return nearby;
+}
+
 // A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
 // state that was found; so do the higher forces of its path, which are not tried.
-void walk_path(FingerStatics& statics, const LinearResponse& response, const TetMesh& mesh, const LoadPath& load,
-               std::int32_t index, const std::array<double, 2>& spec_range_n, FemDataset& path) {
-  const std::array<double, 2> range_n = path_range(statics, load, spec_range_n);
+void walk_path(FingerStatics& statics, const FingerSpec& spec, const TetMesh& mesh, const LoadPath& load,
+               std::int32_t index, FemDataset& path) {
+  const std::array<double, 2> range_n = path_range(statics, load, spec.force_n);
+  Random random(0xa11'0000 + static_cast<std::uint64_t>(index));
   Outcome outcome = Outcome::kEquilibrium;
   for (int k = 0; k < path.plan.forces; ++k) {
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
@@ -71,7 +108,6 @@ void walk_path(FingerStatics& statics, const LinearResponse& response, const Tet
       outcome = statics.buckled() ? Outcome::kNoEquilibrium : Outcome::kNotConverged;
     }
     FemState state = statics.state();
-    state.linear = statics.linear(response).cast<float>();
     if (outcome == Outcome::kEquilibrium) outcome = state.outcome;
     state.path = index;
     state.front_node = nearest_front_node(mesh, state.point_mm);
@@ -79,13 +115,17 @@ void walk_path(FingerStatics& statics, const LinearResponse& response, const Tet
     state.scene = load.scene;
     state.step = k;
     state.outcome = outcome;
-    if (load.scene > 0) {
-      path.others.push_back(state);
-      continue;
+    if (load.scene == 0) {
+      const std::vector<double> displacement = statics.node_displacement_mm();
+      path.node_displacement_mm.insert(path.node_displacement_mm.end(), displacement.begin(), displacement.end());
     }
-    path.states.push_back(state);
-    const std::vector<double> displacement = statics.node_displacement_mm();
-    path.node_displacement_mm.insert(path.node_displacement_mm.end(), displacement.begin(), displacement.end());
+    // What lies between states of frictionless points is interpolated.
+    const bool is_interpolated = load.scene == 0 && !contacts_change(load.of);
+    if (state.valid() && !is_interpolated) {
+      const double step_n = (range_n[1] - range_n[0]) / std::max(1, path.plan.forces - 1);
+      state.nearby = states_nearby(statics, spec, load, k, path.plan.forces, step_n, random);
+    }
+    (load.scene == 0 ? path.states : path.others).push_back(std::move(state));
   }
 }
 
@@ -135,7 +175,7 @@ std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan
     for (const Vec3f& point_mm : touch_points(spec, points)) {
       Random random(paths.size());
       const Eigen::Vector2d place_mm = point_mm.head<2>().cast<double>();
-      LoadPath path{.contacts = {}, .scene = static_cast<std::uint8_t>(number)};
+      LoadPath path{.contacts = {}, .scene = static_cast<std::uint8_t>(number), .of = scene, .spacing_mm = spacing};
       if (contacts_change(scene)) {
         for (int k = 0; k < plan.forces; ++k) {
           const Eigen::Vector2d near_mm = place_near(spec, place_mm, spacing, random);
@@ -171,7 +211,6 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
   const auto first = static_cast<std::size_t>(shard.index), stride = static_cast<std::size_t>(shard.count);
   for (std::size_t i = first; i < loads.size(); i += stride) indices.push_back(i);
   const auto finger = std::make_shared<const PushedFinger>(spec, mesh);
-  const LinearResponse response(*finger);
   std::vector<FemDataset> paths(indices.size(), empty);
   {
     Progress progress("finite-element load paths", indices.size());
@@ -194,7 +233,7 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
           statics = std::make_unique<FingerStatics>(finger);
           owner = finger;
         }
-        walk_path(*statics, response, mesh, loads[i], static_cast<std::int32_t>(i), spec.force_n, paths[slot]);
+        walk_path(*statics, spec, mesh, loads[i], static_cast<std::int32_t>(i), paths[slot]);
         if (!resume.empty()) write_dataset(file, paths[slot]);
       }
       progress.advance();

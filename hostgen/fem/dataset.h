@@ -30,12 +30,13 @@ struct FemState {
   Vec3f moment_nmm = Vec3f::Zero();      ///< of all forces about the finger frame's origin
   float spread_mm = 0;                   ///< RMS distance of the pressure from its centre
   std::array<PlateMotion, kPlates> plates;
-  PoseVector linear = PoseVector::Zero();  ///< what the plates would do if the finger answered linearly to this load
   float front_rms_mm = 0;  ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
   std::uint8_t scene = 0;  ///< 0: of the plan; else number of the other one, see other_scenes()
   std::int32_t step = 0;   ///< of its path, from 0: see LoadPath::contacts_at()
   Outcome outcome =
       Outcome::kEquilibrium;  ///< after a failure the path's higher forces are not tried and carry the same outcome
+  /// Equilibria of other loads that are like this one: contacts moved and turned a little, pressed more or less.
+  std::vector<FemState> nearby = {};
   bool valid() const { return outcome == Outcome::kEquilibrium; }
 };
 
@@ -56,6 +57,9 @@ struct DatasetPlan {
 /// a scene of the spec's own the last two.
 std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan);
 
+/// How many states are sought near each.
+inline constexpr int kNearby = 12;
+
 /// Whether every state of a path has contacts of its own. Where a scene knows nothing but frictionless points, the
 /// states of a path share theirs: what lies between them can then be interpolated.
 bool contacts_change(const Scene& scene);
@@ -67,6 +71,8 @@ double spacing_mm(const FingerSpec& spec, int points);
 struct LoadPath {
   std::vector<std::vector<FaceContact>> contacts;  ///< of each step, or one for all of them
   std::uint8_t scene = 0;                          ///< see FemState
+  Scene of;                                        ///< that one
+  double spacing_mm = 0;                           ///< to the paths around it
   const std::vector<FaceContact>& contacts_at(std::int32_t step) const {
     return contacts.size() == 1 ? contacts.front() : contacts.at(static_cast<std::size_t>(step));
   }

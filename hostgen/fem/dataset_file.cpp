@@ -13,10 +13,10 @@ namespace finsight::host {
 namespace {
 
 constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
-// Force, point, contact, force vector, moment, spread, plates, linear response.
-constexpr std::size_t kStateNumbers = 1 + 3 + 3 + 3 + 3 + 1 + 2 * kPoseDims;
-constexpr std::size_t kPlateNumbers = kStateNumbers - 2 * kPoseDims;  // where those of the plates begin
-constexpr const char* kFormat = "5";
+// Force, point, contact, force vector, moment, spread, plates.
+constexpr std::size_t kPlateNumbers = 1 + 3 + 3 + 3 + 3 + 1;  // where those of the plates begin
+constexpr std::size_t kStateNumbers = kPlateNumbers + kPoseDims;
+constexpr const char* kFormat = "6";
 
 constexpr std::int32_t kMaxScene = 9;
 
@@ -39,6 +39,35 @@ void check_all_paths(const FemDataset& dataset, std::size_t paths, const std::st
   }
 }
 
+void append_numbers(const FemState& state, std::vector<float>& numbers) {
+  const auto append = [&](const Vec3f& v) { numbers.insert(numbers.end(), v.data(), v.data() + 3); };
+  numbers.push_back(state.force_n);
+  append(state.point_mm);
+  append(state.contact_mm);
+  append(state.force_vector_n);
+  append(state.moment_nmm);
+  numbers.push_back(state.spread_mm);
+  for (const PlateMotion& plate : state.plates) {
+    append(plate.displacement_mm);
+    append(plate.rotation_rad);
+  }
+}
+
+FemState state_of(const float* row) {
+  FemState state;
+  state.force_n = row[0];
+  state.point_mm = Eigen::Map<const Vec3f>(row + 1);
+  state.contact_mm = Eigen::Map<const Vec3f>(row + 4);
+  state.force_vector_n = Eigen::Map<const Vec3f>(row + 7);
+  state.moment_nmm = Eigen::Map<const Vec3f>(row + 10);
+  state.spread_mm = row[13];
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    state.plates[p] = {Eigen::Map<const Vec3f>(row + kPlateNumbers + 6 * p),
+                       Eigen::Map<const Vec3f>(row + kPlateNumbers + 3 + 6 * p)};
+  }
+  return state;
+}
+
 }  // namespace
 
 std::vector<FemState> all_states(const FemDataset& dataset) {
@@ -50,22 +79,13 @@ std::vector<FemState> all_states(const FemDataset& dataset) {
 void write_dataset(const std::filesystem::path& file, const FemDataset& dataset) {
   const std::vector<FemState> states = all_states(dataset);
   const auto count = static_cast<std::int64_t>(states.size());
-  std::vector<float> numbers;
+  std::vector<float> numbers, nearby;
   std::vector<std::int32_t> labels;
-  std::vector<std::uint8_t> valid, outcome;
-  const auto append = [&](const Vec3f& v) { numbers.insert(numbers.end(), v.data(), v.data() + 3); };
+  std::vector<std::uint8_t> valid, outcome, nearby_count;
   for (const FemState& state : states) {
-    numbers.push_back(state.force_n);
-    append(state.point_mm);
-    append(state.contact_mm);
-    append(state.force_vector_n);
-    append(state.moment_nmm);
-    numbers.push_back(state.spread_mm);
-    for (const PlateMotion& plate : state.plates) {
-      append(plate.displacement_mm);
-      append(plate.rotation_rad);
-    }
-    numbers.insert(numbers.end(), state.linear.begin(), state.linear.end());
+    append_numbers(state, numbers);
+    for (const FemState& other : state.nearby) append_numbers(other, nearby);
+    nearby_count.push_back(static_cast<std::uint8_t>(state.nearby.size()));
     labels.insert(labels.end(), {state.path, state.front_node, state.scene});
     valid.push_back(state.valid());
     outcome.push_back(static_cast<std::uint8_t>(state.outcome));
@@ -82,11 +102,13 @@ void write_dataset(const std::filesystem::path& file, const FemDataset& dataset)
       {"scene", dataset.plan.scene},
       {"columns",
        "force_n, point_mm xyz, contact_mm xyz, force_vector_n xyz, moment_nmm xyz, spread_mm, top/middle/low "
-       "displacement_mm xyz rotation_rad xyz, the same of the linear response"}};
+       "displacement_mm xyz rotation_rad xyz"}};
   out.add("states", {count, kStateNumbers}, numbers);
   out.add("path_node_scene", {count, 3}, labels);
   out.add("valid", {count}, valid);
   out.add("outcome", {count}, outcome);
+  out.add("nearby_count", {count}, nearby_count);
+  out.add("nearby", {static_cast<std::int64_t>(nearby.size() / kStateNumbers), kStateNumbers}, nearby);
   out.add("node_displacement_mm",
           {static_cast<std::int64_t>(dataset.states.size()), static_cast<std::int64_t>(dataset.mesh_nodes), 3},
           dataset.node_displacement_mm);
@@ -102,6 +124,8 @@ FemDataset read_dataset(const std::filesystem::path& file) {
   const auto count = static_cast<std::int64_t>(numbers.size() / kStateNumbers);
   const auto labels = in.tensor<std::int32_t>("path_node_scene", {count, 3});
   const auto outcome = in.tensor<std::uint8_t>("outcome", {count});
+  const auto nearby_count = in.tensor<std::uint8_t>("nearby_count", {count});
+  const auto nearby = in.tensor<float>("nearby", {-1, kStateNumbers});
   const auto displacement = in.tensor<float>("node_displacement_mm", {-1, -1, 3});
 
   FemDataset dataset{.spec_sha256 = in.metadata("spec_sha256"),
@@ -111,8 +135,8 @@ FemDataset read_dataset(const std::filesystem::path& file) {
                      .mesh_nodes = static_cast<std::size_t>(in.shape("node_displacement_mm")[1]),
                      .plan = {count_in(in, "points"), count_in(in, "forces"), in.metadata("scene")},
                      .mesh_sha256 = in.metadata("mesh_sha256")};
+  std::size_t next_nearby = 0;
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
-    const float* row = &numbers[kStateNumbers * i];
     if (outcome[i] > 3) in.refuse("outcome", std::to_string(outcome[i]), "0, 1, 2 or 3");
     const std::int32_t* label = &labels[3 * i];
     if (label[2] < 0 || label[2] > kMaxScene) {
@@ -125,28 +149,24 @@ FemDataset read_dataset(const std::filesystem::path& file) {
     if (label[1] < 0 || static_cast<std::size_t>(label[1]) >= dataset.mesh_nodes) {
       in.refuse("path_node_scene", std::to_string(label[1]), "a node of the mesh");
     }
-    FemState state{.path = label[0],
-                   .front_node = label[1],
-                   .force_n = row[0],
-                   .point_mm = Eigen::Map<const Vec3f>(row + 1),
-                   .contact_mm = Eigen::Map<const Vec3f>(row + 4),
-                   .force_vector_n = Eigen::Map<const Vec3f>(row + 7),
-                   .moment_nmm = Eigen::Map<const Vec3f>(row + 10),
-                   .spread_mm = row[13],
-                   .plates = {},
-                   .linear = Eigen::Map<const PoseVector>(row + kPlateNumbers + kPoseDims),
-                   .scene = static_cast<std::uint8_t>(label[2]),
-                   .step = static_cast<std::int32_t>(i % static_cast<std::size_t>(dataset.plan.forces)),
-                   .outcome = static_cast<Outcome>(outcome[i])};
-    for (std::size_t p = 0; p < kPlates; ++p) {
-      state.plates[p] = {Eigen::Map<const Vec3f>(row + kPlateNumbers + 6 * p),
-                         Eigen::Map<const Vec3f>(row + kPlateNumbers + 3 + 6 * p)};
+    FemState state = state_of(&numbers[kStateNumbers * i]);
+    state.path = label[0];
+    state.front_node = label[1];
+    state.scene = static_cast<std::uint8_t>(label[2]);
+    state.step = static_cast<std::int32_t>(i % static_cast<std::size_t>(dataset.plan.forces));
+    state.outcome = static_cast<Outcome>(outcome[i]);
+    if (kStateNumbers * (next_nearby + nearby_count[i]) > nearby.size()) {
+      in.refuse("nearby_count", std::to_string(nearby_count[i]), "no more than are there");
     }
+    for (int k = 0; k < nearby_count[i]; ++k) state.nearby.push_back(state_of(&nearby[kStateNumbers * next_nearby++]));
     (state.scene == 0 ? dataset.states : dataset.others).push_back(state);
     const std::size_t first = i - i % static_cast<std::size_t>(dataset.plan.forces);
     if (state.path != labels[3 * first]) {
       in.refuse("path_node_scene", std::to_string(state.path), "all forces of a path together");
     }
+  }
+  if (kStateNumbers * next_nearby != nearby.size()) {
+    in.refuse("nearby", std::to_string(nearby.size() / kStateNumbers) + " states", std::to_string(next_nearby));
   }
   if (static_cast<std::size_t>(count) % static_cast<std::size_t>(dataset.plan.forces) != 0) {
     in.refuse("states", std::to_string(count), "a multiple of the number of forces");

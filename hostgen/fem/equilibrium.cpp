@@ -165,8 +165,9 @@ bool Equilibrium::descend(std::span<const double> load, ElasticState& state) {
   return true;
 }
 
-bool Equilibrium::linearise(const ElasticState& state) {
-  in_double_ = gave_way_ = false;
+bool Equilibrium::linearise(const ElasticState& state, Precision precision) {
+  in_double_ = precision == Precision::kDouble;
+  gave_way_ = false;
   return factor_tangent(state);
 }
 

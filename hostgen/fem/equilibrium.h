@@ -38,8 +38,10 @@ class Equilibrium {
   /// precision is not positive definite. Else the failure is numerical: elements were inverted, or the steps came to no
   /// end, and a start that is nearer may do.
   bool gave_way() const { return gave_way_; }
-  /// Factors the exact tangent at an equilibrium; false if it is not positive definite. solve() forgets it.
-  bool linearise(const ElasticState& state);
+  enum class Precision { kSingle, kDouble };
+  /// Factors the exact tangent at an equilibrium; false if it is not positive definite. solve() forgets it. In single
+  /// precision the softest motions come out wrong by up to a tenth.
+  bool linearise(const ElasticState& state, Precision precision = Precision::kSingle);
   /// That tangent's inverse times `b` (a body vector), in place, to the precision of its factor: first-order changes of
   /// displacements for changes of load, and, since it is symmetric, adjoints.
   void apply_inverse(std::span<double> b);

@@ -79,6 +79,7 @@ struct FingerStatics::Solver {
   }
 
   void hang(const Eigen::Vector3d& felt_g);
+  FemState describe(const ContactResult& at, double normal_n, const ElasticState& body) const;
   bool go(const FacePoint& target, double target_force_n);
   bool press(double target_force_n);
   bool press(const std::vector<FaceContact>& target, double target_force_n);
@@ -188,7 +189,8 @@ bool FingerStatics::Solver::press(const std::vector<FaceContact>& target, double
   const Snapshot before = snapshot();
   const LoadCurve fade = [&](double s, const ElasticState& guess, BodyVector& load) {
     contacts->forces(target_force_n, guess, load);
-    for (std::size_t i = 0; i < load.size(); ++i) load[i] = (1 - s) * before.present_load[i] + s * (load[i] + weight[i]);
+    for (std::size_t i = 0; i < load.size(); ++i)
+      load[i] = (1 - s) * before.present_load[i] + s * (load[i] + weight[i]);
   };
   contacts.emplace(std::move(next));
   history = {Station{0, history.back().state}};
@@ -270,39 +272,64 @@ void FingerStatics::give_up_at(std::chrono::steady_clock::time_point deadline) {
 
 bool FingerStatics::buckled() const { return solver_->buckled; }
 
-FemState FingerStatics::state() const {
-  const PushedFinger& finger = *solver_->finger;
-  ContactResult at;
-  if (solver_->contacts) {
-    at = solver_->contacts->result(solver_->state());
-  } else {
-    at.point_mm = solver_->place.at_mm;
-    at.contact_mm = at.point_mm + finger.displacement(solver_->state(), solver_->place);
-    at.force_n = solver_->force_n * solver_->place.inward;
-    at.moment_nmm = at.contact_mm.cross(at.force_n);
-  }
+/// Of contacts that led to this state of the finger.
+FemState FingerStatics::Solver::describe(const ContactResult& at, double normal_n, const ElasticState& body) const {
   FemState state;
-  state.force_n = static_cast<float>(solver_->force_n);
+  state.force_n = static_cast<float>(normal_n);
   state.point_mm = at.point_mm.cast<float>();
   state.contact_mm = at.contact_mm.cast<float>();
-  const Eigen::Matrix3d axes = face_axes(finger.at(at.point_mm.head<2>()).inward);
+  const Eigen::Matrix3d axes = face_axes(finger->at(at.point_mm.head<2>()).inward);
   state.force_vector_n = (axes.transpose() * at.force_n).cast<float>();
   state.moment_nmm = at.moment_nmm.cast<float>();
   state.spread_mm = static_cast<float>(at.spread_mm);
   if ((at.contact_mm - at.point_mm).norm() > kLongestPush_mm) state.outcome = Outcome::kPushedTooFar;
-  state.plates = finger.plates(solver_->state()).plates;
+  state.plates = finger->plates(body).plates;
   return state;
 }
 
-const std::vector<double>& FingerStatics::nodal_forces() const { return solver_->present_load; }
-
-LinearResponse::Numbers FingerStatics::linear(const LinearResponse& response) const {
-  assert(solver_->contacts);
-  LinearResponse::Numbers sum = LinearResponse::Numbers::Zero();
-  solver_->contacts->add_response(
-      [&](const FacePoint& at, const Eigen::Vector3d& force_n) { return response.of(at, force_n); }, sum);
-  return sum;
+FemState FingerStatics::state() const {
+  const PushedFinger& finger = *solver_->finger;
+  if (solver_->contacts) {
+    return solver_->describe(solver_->contacts->result(solver_->state()), solver_->force_n, solver_->state());
+  }
+  ContactResult at;
+  at.point_mm = solver_->place.at_mm;
+  at.contact_mm = at.point_mm + finger.displacement(solver_->state(), solver_->place);
+  at.force_n = solver_->force_n * solver_->place.inward;
+  at.moment_nmm = at.contact_mm.cross(at.force_n);
+  return solver_->describe(at, solver_->force_n, solver_->state());
 }
+
+// The forces keep the directions that they have where the face stands now.
+std::vector<FemState> FingerStatics::nearby(const std::vector<OtherLoad>& loads) {
+  assert(solver_->contacts);
+  const PushedFinger& finger = *solver_->finger;
+  const ElasticState& here = solver_->state();
+  std::vector<FemState> found;
+  if (loads.empty() || !solver_->equilibrium.linearise(here, Equilibrium::Precision::kDouble)) return found;
+  std::vector<ContactLoad> others;
+  const auto size = static_cast<Eigen::Index>(finger.body.vector_size());
+  Equilibrium::Columns columns(size, static_cast<Eigen::Index>(loads.size()));
+  Solver::BodyVector load = finger.zero();
+  for (const OtherLoad& other : loads) {
+    const auto column = static_cast<Eigen::Index>(others.size());
+    others.emplace_back(finger, other.contacts).forces(other.normal_n, here, load);
+    for (std::size_t k = 0; k < load.size(); ++k) {
+      columns(static_cast<Eigen::Index>(k), column) = load[k] + solver_->weight[k] - solver_->present_load[k];
+    }
+  }
+  solver_->equilibrium.apply_inverse(columns);
+  ElasticState there = here;
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    for (std::size_t k = 0; k < there.u.size(); ++k) {
+      there.u[k] = here.u[k] + columns(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i));
+    }
+    found.push_back(solver_->describe(others[i].result(there), loads[i].normal_n, there));
+  }
+  return found;
+}
+
+const std::vector<double>& FingerStatics::nodal_forces() const { return solver_->present_load; }
 
 EquilibriumCost FingerStatics::cost() const { return solver_->equilibrium.cost(); }
 

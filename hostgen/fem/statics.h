@@ -10,7 +10,6 @@
 
 #include "hostgen/fem/contact.h"
 #include "hostgen/fem/dataset.h"
-#include "hostgen/fem/linear_response.h"
 #include "hostgen/fem/pushed_finger.h"
 
 namespace finsight::host {
@@ -42,6 +41,14 @@ class FingerStatics {
   bool press(double normal_n);
   /// After begin(): the same with other contacts, from the present state on.
   bool press(const std::vector<FaceContact>& contacts, double normal_n);
+  /// Another load than the present one.
+  struct OtherLoad {
+    std::vector<FaceContact> contacts;
+    double normal_n = 0;
+  };
+  /// After begin(): the states that loads near the present one lead to, to first order in their difference, by one
+  /// factorisation for all of them. Empty if the tangent is not positive definite. The present state stays.
+  std::vector<FemState> nearby(const std::vector<OtherLoad>& loads);
   /// From this time on, load() and press() fail after the step that they are at: for those who must be done soon.
   void give_up_at(std::chrono::steady_clock::time_point deadline);
   /// Why the last load() or press() failed: the finger buckles, snaps through or gives way. Else no step of the load
@@ -51,8 +58,6 @@ class FingerStatics {
   FemState state() const;
   /// Of the present load: a body vector.
   const std::vector<double>& nodal_forces() const;
-  /// After begin(): what the plates would do under the present load if the finger answered linearly (mm, rad).
-  LinearResponse::Numbers linear(const LinearResponse& response) const;
   /// [3 * mesh nodes] displacement of the mesh's (corner) nodes, mm.
   std::vector<double> node_displacement_mm() const;
   /// The same for all nodes of the quadratic mesh, mesh nodes first.

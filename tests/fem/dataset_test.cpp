@@ -2,6 +2,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -32,22 +33,27 @@ std::string refusal(const Work& work) {
   return "";
 }
 
+bool same(const FemState& x, const FemState& y) {
+  if (x.scene != y.scene || x.path != y.path || x.front_node != y.front_node || x.force_n != y.force_n ||
+      x.point_mm != y.point_mm || x.contact_mm != y.contact_mm || x.force_vector_n != y.force_vector_n ||
+      x.moment_nmm != y.moment_nmm || x.outcome != y.outcome || x.step != y.step) {
+    return false;
+  }
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    if (x.plates[p].displacement_mm != y.plates[p].displacement_mm ||
+        x.plates[p].rotation_rad != y.plates[p].rotation_rad) {
+      return false;
+    }
+  }
+  return std::ranges::equal(x.nearby, y.nearby, [](const FemState& i, const FemState& j) { return same(i, j); });
+}
+
 bool same(const FemDataset& a, const FemDataset& b) {
   const std::vector<FemState> all_a = all_states(a), all_b = all_states(b);
   if (a.states.size() != b.states.size() || a.node_displacement_mm != b.node_displacement_mm) return false;
   if (all_a.size() != all_b.size()) return false;
   for (std::size_t i = 0; i < all_a.size(); ++i) {
-    const FemState &x = all_a[i], &y = all_b[i];
-    if (x.scene != y.scene || x.path != y.path || x.front_node != y.front_node || x.force_n != y.force_n ||
-        x.point_mm != y.point_mm || x.contact_mm != y.contact_mm || x.outcome != y.outcome || x.step != y.step) {
-      return false;
-    }
-    for (std::size_t p = 0; p < kPlates; ++p) {
-      if (x.plates[p].displacement_mm != y.plates[p].displacement_mm ||
-          x.plates[p].rotation_rad != y.plates[p].rotation_rad) {
-        return false;
-      }
-    }
+    if (!same(all_a[i], all_b[i])) return false;
   }
   return a.spec_sha256 == b.spec_sha256 && a.mesh_sha256 == b.mesh_sha256 && a.mesh_nodes == b.mesh_nodes &&
          a.plan.points == b.plan.points && a.plan.forces == b.plan.forces;
@@ -98,6 +104,25 @@ TEST_CASE("dataset: where a scene has more than frictionless points every state 
   const FemDataset dataset = make_dataset(spec, test::small_finger_mesh(), plan);
   CHECK(dataset.states[4].step == 1);
   CHECK(std::abs(double(dataset.states[0].point_mm.y() - dataset.states[1].point_mm.y())) > 1e-3);
+}
+
+TEST_CASE("dataset: near each state lie others, unless they can be interpolated") {
+  const FingerSpec spec = test::small_finger_spec();
+  const FemDataset grasp =
+      make_dataset(spec, test::small_finger_mesh(), {.points = 4, .forces = 3, .scene = "grasp"});
+  for (const FemState& state : all_states(grasp)) {
+    REQUIRE(state.valid());
+    CHECK(state.nearby.size() > kNearby / 2);
+    const float step_n = 0.15F, highest_n = state.step == 2 ? 1.25F * state.force_n : state.force_n + 0.5F * step_n;
+    for (const FemState& other : state.nearby) {
+      CHECK(other.force_n <= highest_n);
+      CHECK(other.force_n >= (state.step == 0 ? 0 : state.force_n - 0.5F * step_n));
+      CHECK((other.plates[kTopPlate].displacement_mm - state.plates[kTopPlate].displacement_mm).norm() > 1e-4F);
+    }
+  }
+  const FemDataset probe = small_dataset();
+  CHECK(probe.states[0].nearby.empty());
+  CHECK_FALSE(probe.others[0].nearby.empty());
 }
 
 TEST_CASE("dataset: what is written is read back") {

@@ -86,6 +86,44 @@ TEST_CASE("statics: other contacts lead where they would have led from rest") {
   CHECK(stepwise.press({second}, 0.2));
 }
 
+TEST_CASE("statics: states nearby are those that their loads lead to from rest, to first order") {
+  FingerSpec spec = test::small_finger_spec();
+  spec.density_kg_m3 = 1200;
+  FingerStatics near(spec, test::small_finger_mesh()), direct(spec, test::small_finger_mesh());
+  const Eigen::Vector3d felt_g(0.3, 0, 1);
+  const FaceContact contact{
+      .centre_mm = {1, 40}, .radius_mm = 2, .full_force_n = 0.3, .friction = {0.3, -0.5}, .follow = 0};
+  FaceContact moved = contact, rubbed = contact;
+  moved.centre_mm += Eigen::Vector2d(-0.5, 1);
+  moved.radius_mm = 1;
+  rubbed.friction = {0.2, -0.3};
+  near.begin({contact}, felt_g);
+  REQUIRE(near.press(0.2));
+  const FemState before = near.state();
+  const std::vector<FingerStatics::OtherLoad> loads = {{{moved}, 0.21}, {{rubbed}, 0.19}, {{contact}, 0.2}};
+  const std::vector<FemState> nearby = near.nearby(loads);
+  REQUIRE(nearby.size() == 3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    direct.begin(loads[i].contacts, felt_g);
+    REQUIRE(direct.press(loads[i].normal_n));
+    const FemState expected = direct.state();
+    CHECK(nearby[i].force_n == expected.force_n);
+    CHECK((nearby[i].point_mm - expected.point_mm).norm() < 1e-5F);
+    CHECK((nearby[i].force_vector_n - expected.force_vector_n).norm() < 1e-5F);
+    CHECK((nearby[i].moment_nmm - expected.moment_nmm).norm() < 0.02F);
+    for (std::size_t p = 0; p < kPlates; ++p) {
+      const PlateMotion &from = before.plates[p], &to = expected.plates[p], &found = nearby[i].plates[p];
+      CHECK((found.displacement_mm - to.displacement_mm).norm() <
+            0.05F * (from.displacement_mm - to.displacement_mm).norm() + 1e-4F);
+      CHECK((found.rotation_rad - to.rotation_rad).norm() <
+            0.05F * (from.rotation_rad - to.rotation_rad).norm() + 1e-5F);
+    }
+  }
+  CHECK((nearby[0].contact_mm - before.contact_mm).norm() > 0.1F);
+  CHECK(near.state().contact_mm == before.contact_mm);
+  CHECK(near.press(0.25));
+}
+
 TEST_CASE("statics: a force that the finger cannot bear leaves the last good state") {
   FingerStatics finger(test::small_finger_spec(), test::small_finger_mesh());
   REQUIRE(finger.load(Vec3f(0, 40, 0), 0.2));
