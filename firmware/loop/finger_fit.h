@@ -32,6 +32,10 @@ struct FitValues {
   Vec3f face_middle_mm = Vec3f::Zero();     ///< where u and v are 0
   std::array<float, 2> face_half_mm{1, 1};  ///< where u and v are 1, from there
   float touch_radius_mm = 0;                ///< 68 % of what this leaves of the touches' offset is smaller
+  float noise_per_mm = 0;                   ///< see TouchModel
+  /// How much less likely than the pack's limit motions may be before they count as unexplained (log-odds): this
+  /// finger's own touches are so unlike the pack's.
+  float explained_lower = 0;
 };
 
 /// 1, u, v and v^2 at a touch.

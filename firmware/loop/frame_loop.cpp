@@ -29,7 +29,8 @@ FrameLoop::FrameLoop(const Model& model, const std::optional<Lens>& camera, cons
   state_.force_scale_sigma = model.touch.stiffness_tolerance;
   if (!settings.fit) return;
   fit_.emplace(*settings.fit);
-  touch_.use_tolerances(settings.fit->force_sigma, settings.fit->touch_radius_mm);
+  touch_.use_tolerances(settings.fit->force_sigma, settings.fit->touch_radius_mm, settings.fit->noise_per_mm);
+  touch_.explain_less_likely(settings.fit->explained_lower);
   state_.force_scale = settings.fit->force_scale;
   state_.force_scale_sigma = settings.fit->force_scale_sigma;
   state_.fitted_on = settings.fit->fitted_on;
@@ -67,6 +68,7 @@ const RegisterImage& FrameLoop::process(Observation seen, StageClock clock) {
   const RegisterImage& registers = publish(seen, poses, shape, touch);
   view_.poses = poses;
   view_.shape = shape;
+  view_.explained = touch.explained;
   clock.lap(times_.registers);
   clock.finish(times_.frame);
   return registers;

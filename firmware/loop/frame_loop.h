@@ -81,6 +81,7 @@ class FrameLoop {
     const MarkerCorners* corners = nullptr;  ///< null without a camera
     PlatePoses poses{};                      ///< as judged: zeroed, smoothed, held
     FingerShape shape{};
+    float explained = 0;  ///< see Touch
   };
   const View& view() const { return view_; }
 

@@ -168,6 +168,7 @@ TouchModel read_touch(PackReader& pack) {
   touch.marker_tolerance_mm = pack.number<float>(meta::kMarkerTolerance_mm, 0, 10);
   touch.marker_tolerance_rad = pack.number<float>(meta::kMarkerTolerance_rad, 0, 1);
   touch.touch_tolerance_mm = pack.number<float>(meta::kTouchTolerance_mm, 0, 100);
+  touch.noise_per_mm = pack.number<float>(meta::kNoisePer_mm, 0, 10);
   return touch;
 }
 

@@ -86,6 +86,9 @@ struct TouchModel {
   /// How much fingers of this spec differ, as standard deviations: their stiffness (relative) and their markers'
   /// places. And by how much the same touch is located differently on them: the radius that holds 68 %.
   float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0;
+  /// Plates of other fingers move a little otherwise under the same touch: each mm of motion counts as so many times
+  /// the usual noise (PlatePoses::noise).
+  float noise_per_mm = 0;
 };
 
 /// Gaussian over the pose vectors of touched fingers: decides between the two poses of a marker and completes plates
@@ -203,6 +206,7 @@ inline constexpr const char* kStiffnessTolerance = "stiffness_tolerance";
 inline constexpr const char* kMarkerTolerance_mm = "marker_tolerance_mm";
 inline constexpr const char* kMarkerTolerance_rad = "marker_tolerance_rad";
 inline constexpr const char* kTouchTolerance_mm = "touch_tolerance_mm";
+inline constexpr const char* kNoisePer_mm = "noise_per_mm";
 inline constexpr const char* kRatedDeformation = "rated_deformation_mm";
 inline constexpr const char* kTensorCrc = "crc32.";   // + tensor name: CRC-32 of its bytes, 8 hexadecimal digits
 inline constexpr const char* kChecksum = "checksum";  // header_checksum(), 8 hexadecimal digits

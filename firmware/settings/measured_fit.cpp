@@ -90,6 +90,8 @@ FitValues read_measured_fit(TomlTable table) {
   const std::vector<double> half = table.numbers("face_half_mm", 2, 1, 1000);
   fit.face_half_mm = {static_cast<float>(half[0]), static_cast<float>(half[1])};
   fit.touch_radius_mm = read_number(table, "touch_radius_mm", 0, 100);
+  if (table.has("noise_per_mm")) fit.noise_per_mm = read_number(table, "noise_per_mm", 0, 10);
+  if (table.has("explained_lower")) fit.explained_lower = read_number(table, "explained_lower", 0, 1000);
   table.finish();
   return fit;
 }
@@ -122,6 +124,10 @@ std::string measured_fit_toml(const FitValues& fit) {
   add_numbers(text, "face_middle_mm", std::span(fit.face_middle_mm.data(), 3));
   add_numbers(text, "face_half_mm", fit.face_half_mm);
   add("touch_radius_mm", fit.touch_radius_mm, "68 % of the touches' offsets that remain are smaller");
+  add("noise_per_mm", fit.noise_per_mm, "each mm of plate motion counts as so many times the noise");
+  if (fit.explained_lower > 0) {
+    add("explained_lower", fit.explained_lower, "log-odds by which its touches may be less like the pack's");
+  }
   return text;
 }
 

@@ -67,10 +67,11 @@ Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, cons
   if (nothing.plate_motion_mm < model_.threshold_mm) return nothing;
   nothing.over_range = nothing.plate_motion_mm > model_.range_mm;
   if (nothing.over_range) return nothing;
-  Touch touch = read(run_network(poses, motion), nothing.plate_motion_mm);
+  const Noise noise = noise_of(poses, nothing.plate_motion_mm);
+  Touch touch = read(run_network(noise, motion), nothing.plate_motion_mm);
   touch.radius_68_mm *= model_.seen_factor[seen_index(poses.seen)];
   if (!is_finite(touch)) return nothing;
-  widen(poses, motion, doubt, touch);
+  widen(noise, motion, doubt, touch);
   nothing.explained = touch.explained;
   nothing.unexplained = touch.explained < model_.explained_above;
   if (nothing.unexplained || !is_finite(touch) || !is_on_face(touch)) return nothing;
@@ -119,9 +120,20 @@ Touch TouchStage::read(const Outputs& outputs, float plate_motion_mm) const {
   return touch;
 }
 
-const TouchStage::Outputs& TouchStage::run_network(const PlatePoses& poses, const PoseVector& motion) {
+// On another finger than the pack's the network must not read the plates' motion to the last micrometre: told of more
+// noise, it errs less there and says by how much.
+TouchStage::Noise TouchStage::noise_of(const PlatePoses& poses, float plate_motion_mm) const {
+  const float other = model_.noise_per_mm * plate_motion_mm;
+  Noise noise;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    noise[p] = network_noise(poses.seen[p], std::sqrt(poses.noise[p] * poses.noise[p] + other * other));
+  }
+  return noise;
+}
+
+const TouchStage::Outputs& TouchStage::run_network(const Noise& noise, const PoseVector& motion) {
   std::array<float, TouchModel::kInputs> inputs;
-  touch_features(model_, motion, network_noise(poses), inputs);
+  touch_features(model_, motion, noise, inputs);
   forward(model_.layers[0], inputs, hidden_[0], true);
   forward(model_.layers[1], hidden_[0], hidden_[1], true);
   forward(model_.layers[2], hidden_[1], outputs_, false);
@@ -131,12 +143,12 @@ const TouchStage::Outputs& TouchStage::run_network(const PlatePoses& poses, cons
   return outputs_;
 }
 
-void TouchStage::widen(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt, Touch& touch) {
+void TouchStage::widen(const Noise& noise, const PoseVector& motion, const Doubt& doubt, Touch& touch) {
   float point_sq = model_.touch_tolerance_mm * model_.touch_tolerance_mm;
   Vec3f force_sq = Vec3f::Zero(), moment_sq = Vec3f::Zero();
   if (doubt.shaken_mm > 0) point_sq += kShiftPerShake * kShiftPerShake * doubt.shaken_mm * doubt.shaken_mm;
   const auto ask = [&](const PoseVector& change) {
-    const Touch other = read(run_network(poses, motion + change), touch.plate_motion_mm);
+    const Touch other = read(run_network(noise, motion + change), touch.plate_motion_mm);
     point_sq += (other.point_mm - touch.point_mm).squaredNorm();
     force_sq += (other.force_vector_n - touch.force_vector_n).cwiseAbs2();
     moment_sq += (other.moment_nm - touch.moment_nm).cwiseAbs2();

@@ -33,10 +33,13 @@ class TouchStage {
   explicit TouchStage(const TouchModel& model, float largest_told = kLargestTold);
 
   /// Of a finger that was fitted, instead of the model's.
-  void use_tolerances(float stiffness, float touch_mm) {
+  void use_tolerances(float stiffness, float touch_mm, float noise_per_mm) {
     model_.stiffness_tolerance = stiffness;
     model_.touch_tolerance_mm = touch_mm;
+    model_.noise_per_mm = noise_per_mm;
   }
+  /// For a finger whose own touches are that much less like the pack's (log-odds).
+  void explain_less_likely(float log_odds) { model_.explained_above -= log_odds; }
 
   /// The touch that these poses tell of, fresh or invalid; `motion` is pose_vector(poses). Never throws, never
   /// allocates. Invalid below the model's threshold of plate motion, beyond its range (then `over_range` says so),
@@ -47,7 +50,7 @@ class TouchStage {
   ///
   /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
   /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face;
-  /// the model's radius curve makes it hold 68 % of the errors on held-out load paths, whatever the plate motion, and
+  /// the model's radius curve makes it hold 68 % of the errors on held-out states, whatever the plate motion, and
   /// its factors do the same whichever plates are seen. Components of force and moment that the plates do not tell are
   /// NaN, with their deviations; force_n never is.
   ///
@@ -60,11 +63,13 @@ class TouchStage {
 
  private:
   using Outputs = std::array<float, TouchModel::kOutputs>;
-  const Outputs& run_network(const PlatePoses& poses, const PoseVector& motion);
+  using Noise = std::array<float, kPlates>;
+  Noise noise_of(const PlatePoses& poses, float plate_motion_mm) const;
+  const Outputs& run_network(const Noise& noise, const PoseVector& motion);
   Touch read(const Outputs& outputs, float plate_motion_mm) const;
   void read_forces(const Outputs& outputs, Touch& touch) const;
   void withhold_untold(Touch& touch) const;
-  void widen(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt, Touch& touch);
+  void widen(const Noise& noise, const PoseVector& motion, const Doubt& doubt, Touch& touch);
   bool is_on_face(const Touch& touch) const;
 
   TouchModel model_;

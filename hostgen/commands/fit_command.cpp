@@ -41,6 +41,10 @@ void print_fit(const WeightFit& fit, const FitBasis& basis) {
   }
   std::printf("touches: 68 %% of the offsets that remain are within %.2f mm (unfitted: %.2f mm)\n",
               static_cast<double>(values.touch_radius_mm), static_cast<double>(basis.touch_tolerance_mm));
+  if (values.explained_lower > 0) {
+    std::printf("this finger's touches are unlike the pack's: what it calls unexplained is less likely by %.1f\n",
+                static_cast<double>(values.explained_lower));
+  }
   for (const std::string& untold : fit.untold) std::printf("not told: %s\n", untold.c_str());
 }
 
@@ -56,7 +60,7 @@ void run(const Options& options) {
     const ListedWeight& row = listed(weights, session, options.weights);
     records.push_back({.name = row.session, .hole = row.hole, .force_n = weight_n(row.mass_g), .readings = {}});
   }
-  std::vector<std::vector<TouchReading>> readings = device.readings(model);
+  std::vector<std::vector<TouchReading>> readings = device.readings(model, weighing(model.touch));
   for (std::size_t i = 0; i < records.size(); ++i) records[i].readings = std::move(readings[i]);
   const FitBasis basis = fit_basis(spec, model);
   const WeightFit fit = fit_weights(basis, records, day);

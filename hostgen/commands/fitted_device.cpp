@@ -22,8 +22,10 @@ std::uint16_t FittedDevice::day() const {
   return day;
 }
 
-std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model) const {
+std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model,
+                                                              const std::optional<FitValues>& unnamed) const {
   LoopSettings settings;
+  settings.fit = unnamed;
   settings.smoothing_ms = smoothing_ms;
   if (!mount.empty()) {
     settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(mount)));

@@ -254,6 +254,7 @@ Tolerance read_tolerance(TomlTable table) {
   Tolerance tolerance;
   tolerance.force = table.number("force", 0, 1, usual.force);
   tolerance.touch_mm = table.number("touch_mm", 0, 100, usual.touch_mm);
+  tolerance.noise_per_mm = table.number("noise_per_mm", 0, 10, usual.noise_per_mm);
   tolerance.marker_mm = table.number("marker_mm", 0, 10, usual.marker_mm);
   tolerance.marker_rad = kRadPerDeg * table.number("marker_deg", 0, 20, usual.marker_rad / kRadPerDeg);
   table.finish();

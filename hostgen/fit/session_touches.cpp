@@ -15,6 +15,7 @@ TouchReading touch_reading(const FrameLoop& loop, double time_s) {
   for (const PlateMotion& plate : loop.view().poses.plates) {
     reading.plate_motion_mm = std::max(reading.plate_motion_mm, plate.displacement_mm.norm());
   }
+  reading.explained = loop.view().explained;
   reading.is_valid = image.words[address_of("status")] & kTouchValid;
   if (!reading.is_valid) return reading;
   for (int i = 0; i < 3; ++i) {

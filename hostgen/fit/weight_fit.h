@@ -30,6 +30,7 @@ struct WeightHold {
   Vec3f truth_mm = Vec3f::Zero();  ///< the hole's contact point
   PackError pack_error{};          ///< of the finger that the pack was made for, under as much force
   float plate_motion_mm = 0;
+  float explained = 0;                   ///< of the least likely reading, see TouchReading
   double force_error = 0;                ///< relative, once fitted
   Vec3f touch_error_mm = Vec3f::Zero();  ///< once fitted
 };
@@ -51,13 +52,18 @@ struct FitBasis {
   std::array<float, 2> face_half_mm{1, 1};
   float force_range_n = 1;
   float force_tolerance = 0, touch_tolerance_mm = 0;  ///< of fingers that are not fitted
+  float noise_per_mm = 0;                             ///< see TouchModel
+  float explained_above = 0;                          ///< log-odds below which the pack calls motions unexplained
 };
 /// Solves that finger by finite elements: see pack_errors().
 FitBasis fit_basis(const FingerSpec& spec, const Model& model);
 
+/// With what a device reads weights: it is not fitted, and takes whatever moves the plates for a touch.
+FitValues weighing(const TouchModel& touch);
+
 /// Bayesian least squares: few recordings tell little and leave the rest to what fingers of a workshop have in common
-/// (see Workshop). `records` were read without a fit. Throws InputError naming the recording that shows no touch, or
-/// that contradicts the others: at another hole, or with another weight.
+/// (see Workshop). `records` were read by a device with weighing(). Throws InputError naming the recording that shows
+/// no touch, or that contradicts the others: at another hole, or with another weight.
 WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& records, std::uint16_t today);
 
 }  // namespace finsight::host

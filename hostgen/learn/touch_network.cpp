@@ -146,7 +146,8 @@ TouchModel TouchModelData::view() const {
                    .stiffness_tolerance = stiffness_tolerance,
                    .marker_tolerance_mm = marker_tolerance_mm,
                    .marker_tolerance_rad = marker_tolerance_rad,
-                   .touch_tolerance_mm = touch_tolerance_mm};
+                   .touch_tolerance_mm = touch_tolerance_mm,
+                   .noise_per_mm = noise_per_mm};
   for (std::size_t l = 0; l < 3; ++l) {
     model.layers[l] = {widths[l], widths[l + 1], weights[l], weight_scale[l], bias[l]};
   }

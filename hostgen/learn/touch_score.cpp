@@ -35,7 +35,8 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
   model.threshold_mm = 0;  // trials below the threshold and over range are wanted, too
   model.range_mm = std::numeric_limits<float>::infinity();
   model.explained_above = -std::numeric_limits<float>::infinity();
-  model.stiffness_tolerance = model.touch_tolerance_mm = 0;  // the states are of one finger, as the spec has it
+  model.stiffness_tolerance = model.touch_tolerance_mm = model.noise_per_mm =
+      0;                                                            // the states are of one finger, as the spec has it
   TouchStage stage(model, std::numeric_limits<float>::infinity());  // every number is wanted, told or not
   Random random(how.seed);
   std::vector<TouchTrial> trials;

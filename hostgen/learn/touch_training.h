@@ -34,7 +34,8 @@ struct TouchModelData {
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
   float threshold_mm = 0, range_mm = 0;
   float explained_above = -1e6F;  ///< everything
-  float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0;
+  float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0,
+        noise_per_mm = 0;
   TouchModel view() const;
 };
 
@@ -100,11 +101,11 @@ using TouchSource = std::function<std::vector<TouchSample>(
 
 /// Three trainings side by side: without a fifth of the states, without a fifth of the load paths, and, for the model
 /// itself, with all. Training touches come from `source`, by default from an interpolant of the training states
-/// (see StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated on the
-/// held-out paths, after quantisation, and the final model gets the same factors; the coverage in `random_noisy` and
-/// `held_out_noisy` comes from calibrating on one half of the tested paths and counting on the other. The same
-/// arguments give the same bytes. What is called unexplained is set on the held-out paths, too: one frame in a
-/// thousand of theirs.
+/// (see StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated after
+/// quantisation on the held-out states where each has contacts of its own, else on the held-out paths, and the final
+/// model gets the same factors; the coverage in `random_noisy` and `held_out_noisy` comes from calibrating on one half
+/// of the tested paths and counting on the other. The same arguments give the same bytes. What is called unexplained
+/// is set on the same states: one frame in a thousand of theirs.
 /// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,
                           const TouchTrainingPlan& plan, const TouchSource& source = {});

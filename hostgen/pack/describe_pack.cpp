@@ -105,9 +105,11 @@ void describe_tolerance(std::string& text, const TouchModel& touch) {
   }
   print(text, "  gravity     1 g along x, y, z moves the top plate by %.2f, %.2f, %.2f mm\n", top_mm.x(), top_mm.y(),
         top_mm.z());
-  print(text, "  tolerances  stiffness %.3g %%, markers %.3g mm and %.3g deg (standard deviations)\n",
+  print(text,
+        "  tolerances  stiffness %.3g %%, markers %.3g mm and %.3g deg (standard deviations); each mm of motion counts "
+        "as %.3g times the noise\n",
         100 * static_cast<double>(touch.stiffness_tolerance), static_cast<double>(touch.marker_tolerance_mm),
-        kDegreesPerRadian * static_cast<double>(touch.marker_tolerance_rad));
+        kDegreesPerRadian * static_cast<double>(touch.marker_tolerance_rad), static_cast<double>(touch.noise_per_mm));
 }
 
 void describe_pose(std::string& text, const char* name, const Eigen::Isometry3f& T) {

@@ -104,6 +104,7 @@ TensorFile pack_tensors(const PackViews& views) {
   tensors.metadata[meta::kMarkerTolerance_mm] = decimal(views.touch.marker_tolerance_mm);
   tensors.metadata[meta::kMarkerTolerance_rad] = decimal(views.touch.marker_tolerance_rad);
   tensors.metadata[meta::kTouchTolerance_mm] = decimal(views.touch.touch_tolerance_mm);
+  tensors.metadata[meta::kNoisePer_mm] = decimal(views.touch.noise_per_mm);
   tensors.metadata[meta::kRatedDeformation] = decimal(views.rated_deformation_mm);
 
   add_shape(tensors, views.shape);

@@ -254,7 +254,10 @@ FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBas
   result.stiffness = finger.spec.youngs_modulus_mpa / spec.youngs_modulus_mpa;
   LoopSettings smoothing;
   smoothing.smoothing_ms = kSmoothing_ms;
-  VirtualDevice unfitted(model, spec, finger, {{}}, 2 * number),
+  smoothing.fit = weighing(model.touch);
+  LoopSettings plain;
+  plain.fit = smoothing.fit;
+  VirtualDevice unfitted(model, spec, finger, {plain}, 2 * number),
       unfitted_smoothing(model, spec, finger, {smoothing}, 2 * number);
   Bench at_fit(finger, unfitted, unfitted_smoothing, spec);
   const std::vector<std::vector<WeightRecord>> records = weigh(places, basis, 2, at_fit);

@@ -93,7 +93,10 @@ class Finger {
     LoopSettings settings;
     settings.fit.emplace();
     settings.fit->force_sigma = touch.stiffness_tolerance;
-    if (scene_case.wall_mm != 0) settings.fit->touch_radius_mm = touch.touch_tolerance_mm;
+    if (scene_case.wall_mm != 0) {
+      settings.fit->touch_radius_mm = touch.touch_tolerance_mm;
+      settings.fit->noise_per_mm = touch.noise_per_mm;
+    }
     settings.shape.tier = ShapeSettings::Tier::kMeasures;
     if (scene_case.gravity != SceneCase::Gravity::kNone) settings.fixed_g.reset();
     return settings;

@@ -41,7 +41,7 @@ double band_of(double motion_mm) {
 
 json map_touches(const Model& model, const FingerSpec& spec, const FemDataset& unseen, int draws) {
   TouchStage stage(model);
-  stage.use_tolerances(0, 0);  // the states are of the finger that the pack was made for
+  stage.use_tolerances(0, 0, 0);  // the states are of the finger that the pack was made for
   Random random(kSeed);
   std::map<std::int32_t, Point> points;
   std::map<double, Band> bands;

@@ -142,7 +142,7 @@ class Method {
  public:
   Method(const Model& model, const Lens& lens, PoseMethod method)
       : stage_(model.mount, model.prior, lens, method), touch_(model) {
-    touch_.use_tolerances(0, 0);  // the pictures are of the finger that the pack was made for
+    touch_.use_tolerances(0, 0, 0);  // the pictures are of the finger that the pack was made for
   }
 
   const PlatePoses& add(const MarkerCorners& corners, double level_permille, const FemState& truth, double rated_mm) {
@@ -179,7 +179,7 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
   Method joint(model, lens, PoseMethod::kJoint), alone(model, lens, PoseMethod::kPublished);
   PoseFilter filter(kSmoothing_ms);
   TouchStage smoothed_touch(model);
-  smoothed_touch.use_tolerances(0, 0);
+  smoothed_touch.use_tolerances(0, 0, 0);
   Score smoothed_score;
   std::vector<std::uint8_t> grey;
   std::size_t seen = 0;
@@ -252,7 +252,7 @@ void follow(FollowedPath& path, const Model& model, const FingerSpec& spec, cons
   MarkerStage markers(model, camera);
   PoseStage poses(model, camera);
   TouchStage touch(model);
-  touch.use_tolerances(0, 0);
+  touch.use_tolerances(0, 0, 0);
   std::vector<std::uint8_t> grey;
   for (std::size_t k = 0; k < states.size(); ++k) {
     if (interrupted()) throw Interrupted();

@@ -24,6 +24,7 @@ FitBasis basis() {
   basis.force_range_n = 6;
   basis.force_tolerance = 0.25F;
   basis.touch_tolerance_mm = 1.5F;
+  basis.noise_per_mm = 0.25F;
   return basis;
 }
 
@@ -68,6 +69,7 @@ TEST_CASE("weight fit: scale, creep and offset come out of nine weights") {
   CHECK(std::abs(fit.values.across_mm[0]) < 0.1F);
   CHECK(fit.values.force_sigma < 0.08F);
   CHECK(fit.values.touch_radius_mm < 1.2F);
+  CHECK(fit.values.noise_per_mm == 0.25F);  // a fit moves and scales; its plates still move otherwise
   CHECK(fit.values.fitted_on == 9000);
   CHECK(fit.untold.empty());
   for (const WeightHold& hold : fit.holds) CHECK(std::abs(hold.force_error) < 0.02);
@@ -126,6 +128,20 @@ TEST_CASE("weight fit: what few weights do not tell is said and stays wide") {
   CHECK(fit.values.creep_share == 0);
   CHECK(fit.values.force_sigma > fit_weights(basis(), nine({}), 9000).values.force_sigma);
   CHECK(fit.values.touch_radius_mm > fit_weights(basis(), nine({}), 9000).values.touch_radius_mm);
+}
+
+TEST_CASE("weight fit: a finger that is unlike its pack lowers the limit of what is explained, another does not") {
+  FitBasis limited = basis();
+  limited.explained_above = -2;
+  std::vector<WeightRecord> records = nine({});
+  for (WeightRecord& record : records) {
+    for (TouchReading& reading : record.readings) reading.explained = 3;
+  }
+  CHECK(fit_weights(limited, records, 1).values.explained_lower == 0);
+  for (TouchReading& reading : records[6].readings) reading.explained = reading.is_valid ? -7 : -30;
+  const float lower = fit_weights(limited, records, 1).values.explained_lower;
+  CHECK(lower > 5);
+  CHECK(lower < 10);
 }
 
 TEST_CASE("weight fit: a weight at another hole is named with that hole") {

@@ -110,6 +110,19 @@ TEST_CASE("touch training: the errors of new touches are covered by the publishe
   CHECK(all.inside_twice > 0.88);
 }
 
+TEST_CASE("touch training: where each state has contacts of its own, states that are held out set the radius") {
+  FemDataset alone = test::synthetic_dataset();
+  alone.plan.scene = "grasp";
+  const TouchTrainingPlan plan{.steps = 300, .batch = 64};
+  const auto model = [&](const FemDataset& dataset) {
+    return train_touch(test::synthetic_spec(), dataset, prior(), plan).model;
+  };
+  const TouchModelData by_states = model(alone), by_paths = model(test::synthetic_dataset());
+  CHECK(by_states.weights == by_paths.weights);
+  CHECK(by_states.radius_curve != by_paths.radius_curve);
+  CHECK(by_states.seen_factor != by_paths.seen_factor);
+}
+
 TEST_CASE("touch training: plates that are not seen widen the radius") {
   const Statistics all = measure_many({true, true, true}), two = measure_many({true, true, false}),
                    one = measure_many({true, false, false});

@@ -25,6 +25,8 @@ FitValues example() {
   fit.face_middle_mm = Vec3f(0, 60, -15);
   fit.face_half_mm = {23, 47};
   fit.touch_radius_mm = 0.6F;
+  fit.noise_per_mm = 0.25F;
+  fit.explained_lower = 3.5F;
   return fit;
 }
 
@@ -56,6 +58,8 @@ TEST_CASE("measured fit: what was written is read again") {
   CHECK(fit.along_mm == example().along_mm);
   CHECK(fit.face_middle_mm == example().face_middle_mm);
   CHECK(fit.touch_radius_mm == doctest::Approx(0.6));
+  CHECK(fit.noise_per_mm == 0.25F);
+  CHECK(fit.explained_lower == 3.5F);
 }
 
 TEST_CASE("measured fit: days are counted from 2000-01-01, and nothing else is a day") {

@@ -229,6 +229,9 @@ TEST_CASE("touch stage: a motion that no touch of the scene explains is not a to
   CHECK(refused.quality == Quality::kInvalid);
   CHECK(refused.point_mm == Vec3f::Zero());
   CHECK(refused.plate_motion_mm == touch.plate_motion_mm);
+  TouchStage of_another_finger(model.view());
+  of_another_finger.explain_less_likely(0.02F);
+  CHECK(of_another_finger.locate(poses_of(kPushed)).point_mm == touch.point_mm);
 }
 
 TEST_CASE("touch stage: what else may have moved the plates widens radius and deviations, and may be the explanation") {
@@ -268,6 +271,23 @@ TEST_CASE("touch stage: the force is only as sure as the finger's stiffness") {
   CHECK(unsure.force_n == exact.force_n);
   CHECK(unsure.radius_68_mm == exact.radius_68_mm);
   CHECK(unsure.force_sigma_n == doctest::Approx(std::hypot(exact.force_sigma_n, 0.5F * exact.force_n)));
+}
+
+TEST_CASE("touch stage: on a finger that may be another than the pack's, motion counts as noise") {
+  TouchModelData model = trained().model;
+  PlatePoses poses = poses_of(kPushed);
+  poses.noise = {0.5F, 1, 2};
+  const Touch exact = TouchStage(model.view()).locate(poses);
+  model.noise_per_mm = 0.3F;
+  TouchStage stage(model.view());
+  const Touch unsure = stage.locate(poses);
+  CHECK(unsure.radius_68_mm > exact.radius_68_mm);
+  const float other = 0.3F * exact.plate_motion_mm;
+  PlatePoses noisier = poses;
+  for (float& noise : noisier.noise) noise = std::hypot(noise, other);
+  CHECK((unsure.point_mm - TouchStage(trained().model.view()).locate(noisier).point_mm).norm() < 1e-3F);
+  stage.use_tolerances(0, 0, 0);
+  CHECK(stage.locate(poses).point_mm == exact.point_mm);
 }
 
 TEST_CASE("touch stage: a component of the force that the plates do not tell is not a number") {
