@@ -11,7 +11,7 @@
 #include "firmware/loop/self_test.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/commands/mesh_report.h"
-#include "hostgen/fem/linear_response.h"
+#include "hostgen/fem/gravity_response.h"
 #include "hostgen/fem/shape_model.h"
 #include "hostgen/finger/mount.h"
 #include "hostgen/learn/scene_touches.h"
@@ -166,11 +166,6 @@ void fit_maps(Parts& parts, const FemDataset& dataset, std::uint64_t seed) {
   }
 }
 
-std::vector<float> motion_per_g(const LinearResponse& response) {
-  const Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor> per_g = response.per_g().cast<float>();
-  return {per_g.data(), per_g.data() + per_g.size()};
-}
-
 /// What the work will be like, before it begins; throws InputError if nothing can come of it.
 void look_before(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile) {
   const Probe probe = probe_finger(spec, mesh);
@@ -243,8 +238,9 @@ void run(const Options& options) {
   parts.prior = fit_plate_prior(dataset, parts.spec.noise);
   parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps},
                             touches_of_scene(parts.spec, dataset.plan));
-  const PushedFinger finger(parts.spec, mesh);
-  parts.touch.model.per_g = motion_per_g(LinearResponse(finger));
+  const Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor> per_g =
+      motion_per_g(PushedFinger(parts.spec, mesh)).cast<float>();
+  parts.touch.model.per_g.assign(per_g.data(), per_g.data() + per_g.size());
   figures.training_seconds = training_time.lap_s();
   figures.touch = &parts.touch;
   std::printf("%s", parts.touch.log.c_str());
