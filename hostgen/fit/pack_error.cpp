@@ -11,7 +11,7 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kSolved = 5, kPushes = 10;
+constexpr int kPushes = 10;
 constexpr double kBeyondRange = 1.5;  // a soft finger bends under a force as its pack's does under more
 
 std::vector<PackError> errors_at(const PressedPlace& place, const Vec3f& hole_mm, TouchStage& stage) {
@@ -39,7 +39,7 @@ std::vector<std::vector<PackError>> pack_errors(const FingerSpec& spec, const Mo
   std::vector<std::vector<PackError>> errors;
   for (const JigHole& hole : holes) {
     const Vec3f hole_mm = hole.contact_mm.cast<float>();
-    const PressedPlace place(statics, hole_mm, kBeyondRange * spec.force_n[1], kSolved);
+    const PressedPlace place(statics, hole_mm, kBeyondRange * spec.force_n[1]);
     errors.push_back(errors_at(place, hole_mm, stage));
     progress.advance();
   }

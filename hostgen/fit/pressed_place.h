@@ -12,9 +12,9 @@ namespace finsight::host {
 /// How a place of a finger answers to a normal force: finite-element states of that finger, and what lies between them.
 class PressedPlace {
  public:
-  /// Solves for up to `levels` forces, evenly spaced up to `highest_n` of a finger of the spec's own Young's modulus.
-  /// Those that are no equilibrium are left out.
-  PressedPlace(FingerStatics& statics, const Vec3f& point_mm, double highest_n, int levels);
+  /// Solves for forces up to `highest_n`, or up to the tenths of it that the finger bears there, by its spec's own
+  /// Young's modulus.
+  PressedPlace(FingerStatics& statics, const Vec3f& point_mm, double highest_n);
 
   const Vec3f& point_mm() const { return point_mm_; }
   /// 0: the place gives way under any force.
@@ -22,6 +22,8 @@ class PressedPlace {
   std::array<PlateMotion, kPlates> plates(double force_n) const;
 
  private:
+  bool solve(FingerStatics& statics, double highest_n);
+
   Vec3f point_mm_;
   std::vector<double> force_n_;
   std::vector<PoseVectorOf<double>> per_newton_;  ///< plate motion over force

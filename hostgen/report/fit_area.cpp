@@ -23,7 +23,6 @@ using nlohmann::json;
 namespace {
 
 constexpr std::uint64_t kFirstFinger = 1;  // those from 1000 on were used to tune the fit
-constexpr int kLevels = 3;                 // of force, solved at each place
 constexpr double kReading_s = 0.2;
 constexpr double kRest_s = 120;  // between two touches
 constexpr double kLightest_n = 1, kHeaviest_n = 6;
@@ -135,7 +134,7 @@ Places solve_places(const VirtualFinger& finger, const FingerSpec& nominal, int 
   const auto place = [&](const Vec3f& point_mm) {
     const double height =
         (static_cast<double>(point_mm.y()) - nominal.touch_y_mm[0]) / (nominal.touch_y_mm[1] - nominal.touch_y_mm[0]);
-    return PressedPlace(statics, point_mm, kHeaviest_n * (1.6 - 0.9 * height), kLevels);
+    return PressedPlace(statics, point_mm, kHeaviest_n * (1.6 - 0.9 * height));
   };
   Places places;
   for (const JigHole& hole : jig_holes(nominal)) places.holes.push_back(place(hole.contact_mm.cast<float>()));

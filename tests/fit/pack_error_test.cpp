@@ -48,7 +48,7 @@ TEST_CASE("pack error: it is the difference between a push that was solved and w
   const auto errors = pack_errors(spec, always(said_mm, 2), holes);
 
   FingerStatics statics(spec, make_mesh(spec));
-  const PressedPlace place(statics, hole_mm, 1.5 * spec.force_n[1], 5);
+  const PressedPlace place(statics, hole_mm, 1.5 * spec.force_n[1]);
   double published_n = 0;  // the weakest push that the pack takes for a touch
   const auto moves = [&](double force_n) {
     const auto plates = place.plates(force_n);
