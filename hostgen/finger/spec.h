@@ -86,7 +86,7 @@ struct Tolerance {
   /// Of forces, relative: cast polyurethane of one hardness differs by a fifth from batch to batch, walls and creep add
   /// to it.
   double force = 0.25;
-  double touch_mm = 1.8;  ///< radius that holds 68 % of how far touches of one finger are off because of its walls
+  double touch_mm = 1.5;  ///< radius that holds 68 % of how far touches of one finger are off because of its walls
   /// Plates of other fingers move a little otherwise under the same touch: as if each mm of their motion added so many
   /// times the spec's noise.
   double noise_per_mm = 0.2;

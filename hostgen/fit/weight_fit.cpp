@@ -21,7 +21,7 @@ using Terms = Eigen::Matrix<double, kTerms, 1>;
 // with `hostgen report ... fit` on fingers that its figures do not count.
 const Terms kAcrossPrior_mm(0.3, 0.5, 0.2, 0.2);
 const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
-constexpr double kAcrossRest_mm = 0.45, kAlongRest_mm = 0.6;
+constexpr double kAcrossRest_mm = 0.25, kAlongRest_mm = 0.25;
 // Of the force, relative, beside the pack's tolerance in the middle of the face; and what remains.
 const Eigen::Vector3d kForceSlopePrior(0.05, 0.12, 0.08);
 constexpr double kForceRest = 0.03;
