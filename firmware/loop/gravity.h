@@ -8,14 +8,13 @@
 namespace finsight {
 
 /// The finger bends by its own weight. A zero absorbs that as it is when the zero is measured; after a turn of the
-/// gripper the difference remains. Linear in the difference: the motion for 1 g of the unbent finger comes with the
-/// pack.
+/// gripper the difference remains. How far 1 g moves the plates comes with the pack: at rest, and how that changes
+/// as the finger bends.
 class GravityCorrection {
  public:
-  /// Left over where the direction is known, in g: two degrees of the arm's own error; of the change since the zero what
-  /// a bent finger answers otherwise than an unbent one; and what grows with the square, which a turn by 180 degrees
-  /// leaves as it was. `scripts/report scene` shows whether radii then hold.
-  static constexpr float kKnown_g = 0.03F, kKnownChange = 0.09F, kKnownChangeOfSquare_per_g = 0.05F;
+  /// Left over where it is known, in g: two degrees of the arm's own error; and what bends the finger so far that the
+  /// pack does not tell it, which grows with the square. `scripts/report scene` shows whether radii then hold.
+  static constexpr float kKnown_g = 0.03F, kUntold_per_g = 0.015F;
   /// Two random directions differ by 0.82 g along each axis, opposite ones by 1.15 g; an arm adds up to 2 g of its own.
   static constexpr float kUnknownSinceZero_g = 1.1F, kUnknown_g = 1.0F;
 
@@ -36,7 +35,11 @@ class GravityCorrection {
   float apply(bool is_zeroed, PlatePoses& poses) const;
 
  private:
-  Eigen::Matrix<float, kPoseDims, 3> per_g_;
+  using PerG = Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor>;
+  PoseVector bend(const PoseVector& from, const Vec3f& g) const;
+
+  PerG per_g_;
+  Eigen::Matrix<float, 3 * kPoseDims, kBentFeatures, Eigen::RowMajor> change_;
   bool is_fixed_;
   std::optional<Vec3f> felt_g_, at_zero_g_;
 };

@@ -16,8 +16,9 @@ constexpr std::int64_t kMaxNodes = 50'000, kMaxTets = 200'000, kMaxRank = 64, kM
 constexpr std::int64_t kMaxSelfTests = 64;
 
 constexpr float kSmallestScale = 1e-9f, kLargestScale = 1e9f;
-constexpr float kLargestKnot = 1000;  // of the radius curve: mm, or an exponent
-constexpr float kLargestPerG = 100;   // mm or rad
+constexpr float kLargestKnot = 1000;        // of the radius curve: mm, or an exponent
+constexpr float kLargestPerG = 100;         // mm or rad
+constexpr float kLargestPerGChange = 1000;  // of that, per mm or rad
 
 /// Reads tensors and metadata, and refuses tensors that were never asked for.
 class PackReader {
@@ -149,6 +150,7 @@ TouchModel read_touch(PackReader& pack) {
   touch.seen_factor = pack.tensor<float>(tensor::kTouchSeenFactor, {TouchModel::kSeenPatterns});
   touch.face_axes = pack.tensor<float>(tensor::kTouchFaceAxes, {3, 3});
   touch.per_g = pack.tensor<float>(tensor::kTouchPerG, {kPoseDims, 3});
+  touch.per_g_change = pack.tensor<float>(tensor::kTouchPerGChange, {kPoseDims, 3, kBentFeatures});
   std::int64_t inputs = TouchModel::kInputs;
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const bool last = i + 1 == touch.layers.size();
@@ -250,6 +252,7 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   positive(tensor::kTouchSeenFactor, model.touch.seen_factor);
   check_face_axes(file, model.touch.face_axes);
   check_range(file, tensor::kTouchPerG, model.touch.per_g, -kLargestPerG, kLargestPerG);
+  check_range(file, tensor::kTouchPerGChange, model.touch.per_g_change, -kLargestPerGChange, kLargestPerGChange);
   for (std::size_t i = 0; i < model.touch.layers.size(); ++i) {
     check_range(file, tensor::kTouchWeightScale[i], model.touch.layers[i].scale, 0, kLargestScale);
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -82,7 +83,9 @@ struct TouchModel {
   float threshold_mm = 0;        ///< plate motion below which a touch is invalid
   float range_mm = 0;            ///< plate motion beyond any trained touch: over range, no touch
   float explained_above = 0;     ///< log-odds below which the motion is unexplained, no touch
-  std::span<const float> per_g;  ///< [kPoseDims, 3] plate motion for an acceleration of 1 g along x, y and z
+  std::span<const float> per_g;  ///< [kPoseDims, 3] plate motion for an acceleration of 1 g along x, y and z, at rest
+  /// [kPoseDims, 3, kBentFeatures] how that changes as the finger bends: for a unit of each of bent_features().
+  std::span<const float> per_g_change;
   /// How much fingers of this spec differ, as standard deviations: their stiffness (relative) and their markers'
   /// places. And by how much the same touch is located differently on them: the radius that holds 68 %.
   float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0;
@@ -90,6 +93,17 @@ struct TouchModel {
   /// the usual noise (PlatePoses::noise).
   float noise_per_mm = 0;
 };
+
+/// Of the plates of a bent finger: their motions, and these times the largest displacement of a plate in mm.
+inline constexpr int kBentFeatures = 2 * kPoseDims;
+template <class S>
+Eigen::Matrix<S, kBentFeatures, 1> bent_features(const PoseVectorOf<S>& bent) {
+  S largest_mm = 0;
+  for (int p = 0; p < kPlates; ++p) largest_mm = std::max(largest_mm, bent.template segment<3>(6 * p).norm());
+  Eigen::Matrix<S, kBentFeatures, 1> features;
+  features << bent, largest_mm * bent;
+  return features;
+}
 
 /// Gaussian over the pose vectors of touched fingers: decides between the two poses of a marker and completes plates
 /// that are not seen.
@@ -168,8 +182,9 @@ inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
 inline constexpr const char* kTouchRadiusCurve = "touch.radius_curve";
 inline constexpr const char* kTouchSeenFactor = "touch.seen_factor";
-inline constexpr const char* kTouchFaceAxes = "touch.face_axes";  // [3, 3]
-inline constexpr const char* kTouchPerG = "touch.motion_per_g";   // [kPoseDims, 3]
+inline constexpr const char* kTouchFaceAxes = "touch.face_axes";              // [3, 3]
+inline constexpr const char* kTouchPerG = "touch.motion_per_g";               // [kPoseDims, 3]
+inline constexpr const char* kTouchPerGChange = "touch.motion_per_g_change";  // [kPoseDims, 3, kBentFeatures]
 inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
 inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1",
                                                      "touch.weight_scale2"};
@@ -191,7 +206,7 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "4";
+inline constexpr const char* kFormatVersion = "5";
 inline constexpr const char* kFinger = "finger";
 inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";

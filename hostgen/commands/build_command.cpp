@@ -44,6 +44,8 @@ const std::map<std::string, Profile> kProfiles = {
     {"full", {{.points = 570, .forces = 21}, 100000}},
 };
 
+constexpr int kFewestGravityPlaces = 30;
+
 // A state with contacts of its own takes longer than one that follows the path, and teaches more.
 constexpr int kForcesOfChangingContacts = 11;
 
@@ -197,6 +199,17 @@ void check_moves_plates(const FingerSpec& spec, const FemDataset& dataset) {
                    "a threshold that touches exceed (`hostgen probe` proposes one)");
 }
 
+/// How an acceleration moves the plates.
+void take_gravity(Parts& parts, const TetMesh& mesh, int places) {
+  const GravityResponse response =
+      gravity_response(std::make_shared<const PushedFinger>(parts.spec, mesh), parts.spec.scene(parts.scene), places);
+  const auto take = [](const auto& numbers, std::vector<float>& into) {
+    std::copy_n(numbers.data(), into.size(), into.begin());
+  };
+  take(response.at_rest.cast<float>().eval(), parts.touch.model.per_g);
+  take(response.change.cast<float>().eval(), parts.touch.model.per_g_change);
+}
+
 void run(const Options& options) {
   Parts parts;
   parts.spec = read_finger_spec(options.spec);
@@ -238,9 +251,7 @@ void run(const Options& options) {
   parts.prior = fit_plate_prior(dataset, parts.spec.noise);
   parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps},
                             touches_of_scene(parts.spec, dataset.plan));
-  const Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor> per_g =
-      motion_per_g(PushedFinger(parts.spec, mesh)).cast<float>();
-  parts.touch.model.per_g.assign(per_g.data(), per_g.data() + per_g.size());
+  take_gravity(parts, mesh, std::max(kFewestGravityPlaces, profile.dataset.points / 6));
   figures.training_seconds = training_time.lap_s();
   figures.touch = &parts.touch;
   std::printf("%s", parts.touch.log.c_str());

@@ -1,14 +1,22 @@
-// How gravity, or any other acceleration, moves the plates of the untouched finger, to first order.
+// How gravity, or any other acceleration, moves the plates.
 #pragma once
 
-#include <Eigen/Core>
+#include <memory>
 
-#include "hostgen/fem/pushed_finger.h"
+#include "hostgen/fem/statics.h"
 
 namespace finsight::host {
 
-/// [18, 3] motions of the plates (mm, rad) for an acceleration field of 1 g along the finger's x, y and z, as gravity
-/// is one. Throws std::runtime_error if the finger at rest does not resist every motion.
-Eigen::Matrix<double, kPoseDims, 3> motion_per_g(const PushedFinger& finger);
+struct GravityResponse {
+  MotionPerG at_rest;
+  /// Row 3 i + axis: how motion i for 1 g along that axis changes as the finger bends, for a unit of each of
+  /// bent_features().
+  using Change = Eigen::Matrix<double, 3 * kPoseDims, kBentFeatures, Eigen::RowMajor>;
+  Change change = Change::Zero();
+};
+
+/// `change` is fitted to touches of the scene at `places` places of the face, of fingers that feel up to 3 g besides,
+/// by the tangents there. Throws std::runtime_error if the finger at rest does not resist every motion.
+GravityResponse gravity_response(const std::shared_ptr<const PushedFinger>& finger, const Scene& scene, int places);
 
 }  // namespace finsight::host

@@ -78,7 +78,7 @@ struct FingerStatics::Solver {
     if (before.contacts) contacts.emplace(*before.contacts);
   }
 
-  void hang(const Eigen::Vector3d& felt_g);
+  bool hang(const Eigen::Vector3d& felt_g);
   FemState describe(const ContactResult& at, double normal_n, const ElasticState& body) const;
   bool go(const FacePoint& target, double target_force_n);
   bool press(double target_force_n);
@@ -158,15 +158,16 @@ bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve)
   return true;
 }
 
-void FingerStatics::Solver::hang(const Eigen::Vector3d& felt_g) {
-  if (felt_g.isZero()) return;
+bool FingerStatics::Solver::hang(const Eigen::Vector3d& felt_g) {
+  if (felt_g.isZero()) return true;
   finger->add_weight(felt_g, weight);
   const LoadCurve part_of_weight = [&](double s, const ElasticState&, BodyVector& load) {
     for (std::size_t i = 0; i < load.size(); ++i) load[i] = s * weight[i];
   };
-  if (!walk(0, 1, part_of_weight)) throw std::runtime_error("the finger does not carry its own weight");
+  if (!walk(0, 1, part_of_weight)) return false;
   history = {Station{0, history.back().state}};
   compliance = 0;
+  return true;
 }
 
 bool FingerStatics::Solver::press(double target_force_n) {
@@ -251,11 +252,15 @@ bool FingerStatics::load(const Vec3f& point_mm, double force_n) {
   return solver_->go(solver_->finger->at(point_mm.head<2>().cast<double>()), force_n);
 }
 
-void FingerStatics::begin(const std::vector<FaceContact>& contacts, const Eigen::Vector3d& felt_g) {
+bool FingerStatics::begin(const std::vector<FaceContact>& contacts, const Eigen::Vector3d& felt_g) {
   ContactLoad load(*solver_->finger, contacts);
   reset();
-  solver_->hang(felt_g);
+  if (!solver_->hang(felt_g)) {
+    reset();
+    return false;
+  }
   solver_->contacts.emplace(std::move(load));
+  return true;
 }
 
 bool FingerStatics::press(double normal_n) {
@@ -327,6 +332,24 @@ std::vector<FemState> FingerStatics::nearby(const std::vector<OtherLoad>& loads)
     found.push_back(solver_->describe(others[i].result(there), loads[i].normal_n, there));
   }
   return found;
+}
+
+std::optional<MotionPerG> FingerStatics::motion_per_g() {
+  const PushedFinger& finger = *solver_->finger;
+  if (!solver_->equilibrium.linearise(solver_->state(), Equilibrium::Precision::kDouble)) return std::nullopt;
+  MotionPerG per_g;
+  for (int axis = 0; axis < 3; ++axis) {
+    Solver::BodyVector half_g = finger.zero();
+    finger.add_weight(0.5 * Eigen::Vector3d::Unit(axis), half_g);
+    solver_->equilibrium.apply_inverse(half_g);
+    ElasticState less = solver_->state(), more = less;
+    for (std::size_t k = 0; k < half_g.size(); ++k) {
+      less.u[k] -= half_g[k];
+      more.u[k] += half_g[k];
+    }
+    per_g.col(axis) = (pose_vector(finger.plates(more)) - pose_vector(finger.plates(less))).cast<double>();
+  }
+  return per_g;
 }
 
 const std::vector<double>& FingerStatics::nodal_forces() const { return solver_->present_load; }

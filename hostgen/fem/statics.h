@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "hostgen/fem/contact.h"
@@ -13,6 +14,9 @@
 #include "hostgen/fem/pushed_finger.h"
 
 namespace finsight::host {
+
+/// Motions of the plates (mm, rad) for an acceleration field of 1 g along the finger's x, y and z, as gravity is one.
+using MotionPerG = Eigen::Matrix<double, kPoseDims, 3, Eigen::RowMajor>;
 
 /// One finger under load; keeps its state, so that a path of neighbouring loads is cheap. Not thread-safe; make one per
 /// thread from a shared finger.
@@ -34,8 +38,9 @@ class FingerStatics {
   /// before the call. Throws Interrupted, as everything that solves here.
   bool load(const Vec3f& point_mm, double force_n);
   /// Back to the undeformed finger, which these contacts are about to touch. It bends under its weight in an
-  /// acceleration of `felt_g` (add_weight()). Throws std::invalid_argument as ContactLoad does.
-  void begin(const std::vector<FaceContact>& contacts, const Eigen::Vector3d& felt_g = Eigen::Vector3d::Zero());
+  /// acceleration of `felt_g` (add_weight()); false if it does not bear that. Throws std::invalid_argument as
+  /// ContactLoad does.
+  bool begin(const std::vector<FaceContact>& contacts, const Eigen::Vector3d& felt_g = Eigen::Vector3d::Zero());
   /// After begin(): equilibrium under their normal forces that sum to `normal_n`, with what friction adds; as load()
   /// does.
   bool press(double normal_n);
@@ -49,6 +54,9 @@ class FingerStatics {
   /// After begin(): the states that loads near the present one lead to, to first order in their difference, by one
   /// factorisation for all of them. Empty if the tangent is not positive definite. The present state stays.
   std::vector<FemState> nearby(const std::vector<OtherLoad>& loads);
+  /// How an acceleration on top of the present load moves the plates, to first order; nothing if the tangent is not
+  /// positive definite. The present state stays.
+  std::optional<MotionPerG> motion_per_g();
   /// From this time on, load() and press() fail after the step that they are at: for those who must be done soon.
   void give_up_at(std::chrono::steady_clock::time_point deadline);
   /// Why the last load() or press() failed: the finger buckles, snaps through or gives way. Else no step of the load

@@ -143,6 +143,7 @@ TouchModel TouchModelData::view() const {
                    .range_mm = range_mm,
                    .explained_above = explained_above,
                    .per_g = per_g,
+                   .per_g_change = per_g_change,
                    .stiffness_tolerance = stiffness_tolerance,
                    .marker_tolerance_mm = marker_tolerance_mm,
                    .marker_tolerance_rad = marker_tolerance_rad,

@@ -29,6 +29,7 @@ struct TouchModelData {
   std::vector<float> seen_factor = std::vector<float>(TouchModel::kSeenPatterns, 1.0F);
   std::vector<float> face_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   std::vector<float> per_g = std::vector<float>(3 * kPoseDims, 0.0F);
+  std::vector<float> per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.0F);
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs

@@ -55,6 +55,7 @@ void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchSeenFactor, {TouchModel::kSeenPatterns}, touch.seen_factor);
   tensors.add(tensor::kTouchFaceAxes, {3, 3}, touch.face_axes);
   tensors.add(tensor::kTouchPerG, {kPoseDims, 3}, touch.per_g);
+  tensors.add(tensor::kTouchPerGChange, {kPoseDims, 3, kBentFeatures}, touch.per_g_change);
   for (std::size_t i = 0; i < touch.layers.size(); ++i) {
     const DenseInt8& layer = touch.layers[i];
     tensors.add(tensor::kTouchWeights[i], {layer.outputs, layer.inputs}, layer.weights);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <stdexcept>
 
 #include "hostgen/fem/scene_contacts.h"
 #include "hostgen/fem/statics.h"
@@ -85,13 +86,9 @@ ShapeMeasures measured(const TetMesh& mesh, const std::vector<double>& displacem
   return measure_shape<double>(rest_mm, front, displacement_mm);
 }
 
-Eigen::Vector3d any_direction(Random& random) {
-  return Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
-}
-
 std::array<PlateMotion, kPlates> hanging(FingerStatics& statics, const FaceContact& somewhere,
                                          const Eigen::Vector3d& felt_g) {
-  statics.begin({somewhere}, felt_g);
+  if (!statics.begin({somewhere}, felt_g)) throw std::runtime_error("the finger does not bear its own weight");
   return statics.state().plates;
 }
 
@@ -173,8 +170,8 @@ std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene
     FingerStatics statics(finger);
     CaseState solved{.state = {}, .shape = {}, .untouched = {}, .at_zero = {}};
     if (hangs) {
-      solved.zero_g = any_direction(random);
-      const Eigen::Vector3d axis = solved.zero_g.cross(any_direction(random)).normalized();
+      solved.zero_g = random_direction(random);
+      const Eigen::Vector3d axis = solved.zero_g.cross(random_direction(random)).normalized();
       solved.felt_g = scene_case.felt_g * (Eigen::AngleAxisd(scene_case.turned_rad, axis) * solved.zero_g);
       solved.untouched = hanging(statics, contacts.front(), solved.felt_g);
       solved.at_zero = hanging(statics, contacts.front(), solved.zero_g);

@@ -1,6 +1,7 @@
 // Random numbers that are the same with every compiler and library (std:: distributions are not).
 #pragma once
 
+#include <Eigen/Core>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -35,5 +36,10 @@ class Random {
 
   std::uint64_t state_;
 };
+
+/// A unit vector, evenly from all directions.
+inline Eigen::Vector3d random_direction(Random& random) {
+  return Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
+}
 
 }  // namespace finsight::host

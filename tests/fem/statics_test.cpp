@@ -86,6 +86,28 @@ TEST_CASE("statics: other contacts lead where they would have led from rest") {
   CHECK(stepwise.press({second}, 0.2));
 }
 
+TEST_CASE("statics: a bent finger answers to acceleration as its equilibria do") {
+  FingerSpec spec = test::small_finger_spec();
+  spec.density_kg_m3 = 1200;
+  FingerStatics statics(spec, test::small_finger_mesh());
+  const FaceContact contact{.centre_mm = {1, 40}, .friction = {0.3, -0.5}, .follow = 0};
+  const Eigen::Vector3d felt_g(0.3, 0, 1);
+  const auto plates_at = [&](const Eigen::Vector3d& g) {
+    REQUIRE(statics.begin({contact}, g));
+    REQUIRE(statics.press(0.2));
+    return pose_vector(PlatePoses{.plates = statics.state().plates}).cast<double>().eval();
+  };
+  constexpr double kStep_g = 0.1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Eigen::Vector3d step_g = kStep_g * Eigen::Vector3d::Unit(axis);
+    const PoseVectorOf<double> expected = (plates_at(felt_g + step_g) - plates_at(felt_g - step_g)) / (2 * kStep_g);
+    plates_at(felt_g);
+    const std::optional<MotionPerG> per_g = statics.motion_per_g();
+    REQUIRE(per_g);
+    CHECK((per_g->col(axis) - expected).norm() < 0.02 * expected.norm());
+  }
+}
+
 TEST_CASE("statics: states nearby are those that their loads lead to from rest, to first order") {
   FingerSpec spec = test::small_finger_spec();
   spec.density_kg_m3 = 1200;

@@ -28,7 +28,8 @@ struct TinyModel {
   bool has_contact_map = true;
   std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale,
       radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1}, seen_factor = {1.3f, 1.4f, 1.1f, 1.2f, 1.1f, 1.2f, 1},
-      face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f}, per_g = std::vector<float>(3 * kPoseDims, 0.01F);
+      face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f}, per_g = std::vector<float>(3 * kPoseDims, 0.01F),
+      per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.001F);
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::vector<float> prior_mean, prior_covariance, prior_noise;
@@ -76,6 +77,7 @@ struct TinyModel {
     all.touch.seen_factor = seen_factor;
     all.touch.face_axes = face_axes;
     all.touch.per_g = per_g;
+    all.touch.per_g_change = per_g_change;
     for (std::size_t i = 0; i < 3; ++i) {
       all.touch.layers[i] = {layer_width(i), layer_width(i + 1), weights[i], weight_scale[i], bias[i]};
     }
