@@ -8,6 +8,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdint>
@@ -49,6 +50,19 @@ struct PlateMotion {
   Vec3f displacement_mm = Vec3f::Zero();
   Vec3f rotation_rad = Vec3f::Zero();  ///< rotation vector: axis times angle
 };
+
+/// How far the plate has moved that has moved furthest.
+inline float plate_motion_mm(const std::array<PlateMotion, kPlates>& plates) {
+  float furthest_mm = 0;
+  for (const PlateMotion& plate : plates) furthest_mm = std::max(furthest_mm, plate.displacement_mm.norm());
+  return furthest_mm;
+}
+template <class S>
+S plate_motion_mm(const PoseVectorOf<S>& plates) {
+  S furthest_mm = 0;
+  for (int p = 0; p < kPlates; ++p) furthest_mm = std::max(furthest_mm, plates.template segment<3>(6 * p).norm());
+  return furthest_mm;
+}
 
 struct PlatePoses {
   std::array<PlateMotion, kPlates> plates;

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -98,10 +97,8 @@ struct TouchModel {
 inline constexpr int kBentFeatures = 2 * kPoseDims;
 template <class S>
 Eigen::Matrix<S, kBentFeatures, 1> bent_features(const PoseVectorOf<S>& bent) {
-  S largest_mm = 0;
-  for (int p = 0; p < kPlates; ++p) largest_mm = std::max(largest_mm, bent.template segment<3>(6 * p).norm());
   Eigen::Matrix<S, kBentFeatures, 1> features;
-  features << bent, largest_mm * bent;
+  features << bent, plate_motion_mm(bent) * bent;
   return features;
 }
 

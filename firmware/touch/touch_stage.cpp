@@ -61,9 +61,7 @@ TouchStage::TouchStage(const TouchModel& model, float largest_told) : model_(mod
 Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt) {
   Touch nothing;
   if (poses.quality == Quality::kInvalid || poses.seen_count() == 0 || !motion.allFinite()) return nothing;
-  for (const PlateMotion& plate : poses.plates) {
-    nothing.plate_motion_mm = std::max(nothing.plate_motion_mm, plate.displacement_mm.norm());
-  }
+  nothing.plate_motion_mm = plate_motion_mm(poses.plates);
   if (nothing.plate_motion_mm < model_.threshold_mm) return nothing;
   nothing.over_range = nothing.plate_motion_mm > model_.range_mm;
   if (nothing.over_range) return nothing;

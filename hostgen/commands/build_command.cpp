@@ -44,6 +44,7 @@ const std::map<std::string, Profile> kProfiles = {
     {"full", {{.points = 570, .forces = 21}, 100000}},
 };
 
+/// The response to gravity is fitted to three states at each of its places: enough for its 36 features.
 constexpr int kFewestGravityPlaces = 30;
 
 // A state with contacts of its own takes longer than one that follows the path, and teaches more.

@@ -177,7 +177,7 @@ void print_summary(const std::vector<FemState>& states, const Options& options) 
   for (const FemState& state : states) {
     touched += state.force_n > 0;
     force_n = std::max(force_n, state.force_n);
-    for (const PlateMotion& plate : state.plates) motion_mm = std::max(motion_mm, plate.displacement_mm.norm());
+    motion_mm = std::max(motion_mm, plate_motion_mm(state.plates));
   }
   std::printf("%s: %zu frames of %s at %d per second, touched in %td, up to %.1f N and %.1f mm of plate motion\n",
               options.output.c_str(), states.size(), options.size.c_str(), kFramesPerSecond, touched, force_n,

@@ -3,12 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <stdexcept>
 #include <vector>
 
 #include "hostgen/fem/scene_contacts.h"
-#include "hostgen/fem/statics.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {

@@ -60,9 +60,7 @@ std::optional<Eigen::VectorXd> deviations(FingerStatics& statics, const FingerSp
                                           const std::vector<Numbers>& contacts, const std::vector<Unknown>& unknowns) {
   const auto here = motion(statics, contacts);
   if (!here) return std::nullopt;
-  double furthest_mm = 0;
-  for (int p = 0; p < kPlates; ++p) furthest_mm = std::max(furthest_mm, here->segment<3>(6 * p).norm());
-  if (furthest_mm < kFirm_mm) return std::nullopt;
+  if (plate_motion_mm(*here) < kFirm_mm) return std::nullopt;
   const auto count = static_cast<Eigen::Index>(unknowns.size());
   const PoseVectorOf<double> noise = pose_noise(spec.noise);
   Eigen::MatrixXd slope(kPoseDims, count);

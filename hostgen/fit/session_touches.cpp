@@ -12,9 +12,7 @@ namespace finsight::host {
 TouchReading touch_reading(const FrameLoop& loop, double time_s) {
   const RegisterImage& image = loop.registers();
   TouchReading reading{.time_s = time_s};
-  for (const PlateMotion& plate : loop.view().poses.plates) {
-    reading.plate_motion_mm = std::max(reading.plate_motion_mm, plate.displacement_mm.norm());
-  }
+  reading.plate_motion_mm = plate_motion_mm(loop.view().poses.plates);
   reading.explained = loop.view().explained;
   reading.is_valid = image.words[address_of("status")] & kTouchValid;
   if (!reading.is_valid) return reading;

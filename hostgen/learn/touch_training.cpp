@@ -95,9 +95,7 @@ constexpr float kBeyondTraining = 1.15f;
 
 float largest_plate_motion_mm(const std::vector<FemState>& states) {
   float largest = 0;
-  for (const FemState& state : states) {
-    for (const PlateMotion& plate : state.plates) largest = std::max(largest, plate.displacement_mm.norm());
-  }
+  for (const FemState& state : states) largest = std::max(largest, plate_motion_mm(state.plates));
   return largest;
 }
 

@@ -111,11 +111,7 @@ std::string number_text(double value) {
 
 }  // namespace
 
-double plate_motion_mm(const FemState& state) {
-  float most = 0;
-  for (const PlateMotion& plate : state.plates) most = std::max(most, plate.displacement_mm.norm());
-  return static_cast<double>(most);
-}
+double plate_motion_mm(const FemState& state) { return static_cast<double>(plate_motion_mm(state.plates)); }
 
 Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s) {
   Probe probe;

@@ -64,9 +64,7 @@ class Score {
     const std::uint16_t status = word(address_of("status"));
     constexpr std::uint16_t kSeen[kPlates] = {kTopSeen, kMiddleSeen, kLowSeen};
     for (std::size_t p = 0; p < kPlates; ++p) seen_[p] += (status & kSeen[p]) != 0;
-    float motion_mm = 0;
-    for (const PlateMotion& plate : truth.plates) motion_mm = std::max(motion_mm, plate.displacement_mm.norm());
-    if (truth.force_n == 0 || motion_mm < kFirm_mm) return;
+    if (truth.force_n == 0 || plate_motion_mm(truth.plates) < kFirm_mm) return;
     ++firm_;
     if ((status & kTouchValid) == 0) return;
     const std::size_t at = address_of("touch_x");

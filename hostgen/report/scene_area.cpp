@@ -135,9 +135,7 @@ class Finger {
 
 /// Only touches that move a plate far enough for a touch to be published.
 bool is_firm(const FingerSpec& spec, const CaseState& solved) {
-  float motion_mm = 0;
-  for (const PlateMotion& plate : solved.state.plates) motion_mm = std::max(motion_mm, plate.displacement_mm.norm());
-  return static_cast<double>(motion_mm) >= spec.threshold_mm + 0.2;
+  return static_cast<double>(plate_motion_mm(solved.state.plates)) >= spec.threshold_mm + 0.2;
 }
 
 std::vector<CaseState> firm_states(const FingerSpec& spec, const SceneCase& scene_case, int places) {

@@ -56,12 +56,11 @@ class Score {
   void add(const PlatePoses& poses, const Touch& touch, double level_permille, const FemState& truth, double rated_mm) {
     ++frames_;
     bool flipped = false;
-    double motion_mm = 0;
     for (std::size_t p = 0; p < kPlates; ++p) {
       const double off_rad = static_cast<double>((poses.plates[p].rotation_rad - truth.plates[p].rotation_rad).norm());
       flipped |= poses.seen[p] && off_rad * 180 / std::numbers::pi > kFlipDeg;
-      motion_mm = std::max(motion_mm, static_cast<double>(truth.plates[p].displacement_mm.norm()));
     }
+    const auto motion_mm = static_cast<double>(plate_motion_mm(truth.plates));
     flips_ += flipped;
     const bool touched = truth.force_n > 0;
     firm_ += touched && motion_mm >= 4;
