@@ -36,7 +36,7 @@ struct ContactForces {
   std::vector<double> node_displacement_mm;  ///< [3 * mesh nodes]
 };
 
-/// Not thread-safe. The finger is C3D10 and neo-Hookean as in FingerStatics. Answers do not depend on earlier ones.
+/// Not thread-safe. The finger is the one of FingerStatics. Answers do not depend on earlier ones.
 class ContactForceSolver {
  public:
   /// `candidates`: how many points of the touched part of the face may carry force, spread evenly; `starts`: at how

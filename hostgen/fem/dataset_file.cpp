@@ -16,7 +16,7 @@ constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
 // Force, point, contact, force vector, moment, spread, plates.
 constexpr std::size_t kPlateNumbers = 1 + 3 + 3 + 3 + 3 + 1;  // where those of the plates begin
 constexpr std::size_t kStateNumbers = kPlateNumbers + kPoseDims;
-constexpr const char* kFormat = "6";
+constexpr const char* kFormat = "7";
 
 constexpr std::int32_t kMaxScene = 9;
 

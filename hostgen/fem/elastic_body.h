@@ -29,7 +29,7 @@ class ElasticBody {
   const CholeskyPlanData& plan() const { return plan_; }
 
   /// Internal forces (N) at displacements `u` (mm): the gradient of the stored energy. Returns the smallest volume
-  /// ratio det F of all Gauss points; unless it is positive, the forces mean nothing.
+  /// ratio det F of all points of the tets; unless it is positive, the forces mean nothing.
   double forces(std::span<const double> u, std::span<double> force) const;
   /// Stresses (second Piola-Kirchhoff, MPa) at `u`, changed to first order by the step `du`; stress_size() numbers in
   /// an order of the body's own.

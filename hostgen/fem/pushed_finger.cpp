@@ -70,7 +70,7 @@ void PushedFinger::add_force(const FacePoint& at, const Eigen::Vector3d& force_n
 }
 
 void PushedFinger::add_weight(const Eigen::Vector3d& g, BodyVector& load) const {
-  // Of a tet's ten nodes in the integral of a constant over it: exact for C3D10.
+  // Of a tet's ten nodes in the integral of a constant over it: exact for quadratic tets.
   constexpr double kCornerWeight = -0.05, kMiddleWeight = 0.2;
   for (const auto& tet : mesh.tets) {
     const double weight_n = kGravity_m_s2 * tet_mass_kg(*this, tet);

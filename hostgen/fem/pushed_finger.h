@@ -28,7 +28,7 @@ class PushedFinger {
   /// A vector of the ElasticBody.
   using BodyVector = std::vector<double>;
 
-  PushedFinger(const FingerSpec& spec, const TetMesh& mesh, Element element = Element::kC3D10);
+  PushedFinger(const FingerSpec& spec, const TetMesh& mesh, Element element = Element::kSelective);
 
   const FingerSpec spec;
   const QuadraticMesh mesh;

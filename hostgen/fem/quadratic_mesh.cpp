@@ -119,9 +119,13 @@ TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Elem
     return out;
   }
   constexpr double kNear = 0.58541019662496845, kFar = 0.13819660112501052;  // (5 + 3 sqrt 5) / 20, (5 - sqrt 5) / 20
-  for (std::size_t g = 0; g < kGaussPoints; ++g) {
+  for (std::size_t g = 0; g < kPoints; ++g) {
     std::array<double, 4> L{kFar, kFar, kFar, kFar};
-    L[g] = kNear;
+    if (g == kMiddle) {
+      L.fill(0.25);
+    } else {
+      L[g] = kNear;
+    }
     for (std::size_t a = 0; a < 4; ++a) out.at[g][a] = (4 * L[a] - 1) * dL[a];
     for (std::size_t e = 0; e < kTetEdges.size(); ++e) {
       const auto a = static_cast<std::size_t>(kTetEdges[e][0]), b = static_cast<std::size_t>(kTetEdges[e][1]);

@@ -16,10 +16,16 @@ inline constexpr int kTetNodes = 10;
 inline constexpr std::array<std::array<int, 2>, 6> kTetEdges{{{0, 1}, {1, 2}, {0, 2}, {0, 3}, {1, 3}, {2, 3}}};
 /// Gauss points per tetrahedron; each stands for a quarter of its volume and integrates quadratic terms exactly.
 inline constexpr int kGaussPoints = 4;
+/// Where a tetrahedron is evaluated: at the Gauss points, then in its middle.
+inline constexpr int kPoints = kGaussPoints + 1;
+inline constexpr int kMiddle = kGaussPoints;
 
-/// C3D10 is what all truth is made with. C3D4, four nodes and one constant strain, is for comparison: it is kept in the
-/// same arrays, its middle nodes fixed and without influence.
-enum class Element { kC3D4, kC3D10 };
+/// All truth is made with the selective element: C3D10 that resists changes of volume mostly by what they are in its
+/// middle. Rubber hardly changes its volume, and where every Gauss point insists on that, coarse meshes are too stiff
+/// (volumetric locking; selective reduced integration: Hughes, The Finite Element Method, 1987, section 4.5).
+/// The others are for comparison: C3D10 is CalculiX's. C3D4, four nodes and one constant strain, is kept in the same
+/// arrays, its middle nodes fixed and without influence.
+enum class Element { kC3D4, kC3D10, kSelective };
 
 /// From where something pushes: onto the touched face (along z), or elsewhere.
 enum class Side { kFront, kLeft, kRight, kBack, kTip };
@@ -36,7 +42,7 @@ struct SideTriangle {
 
 /// The same geometry as the TetMesh it is made of (edges stay straight); only the elements are richer.
 struct QuadraticMesh {
-  Element element = Element::kC3D10;
+  Element element = Element::kSelective;
   std::size_t corner_nodes = 0;  ///< the first nodes, numbered as in the TetMesh
   std::vector<Eigen::Vector3d> node_mm;
   std::vector<std::array<int, kTetNodes>> tets;  ///< in the order of the TetMesh
@@ -50,15 +56,14 @@ struct QuadraticMesh {
   std::array<std::vector<SideTriangle>, kSides> sides;
 };
 
-QuadraticMesh make_quadratic(const TetMesh& mesh, Element element = Element::kC3D10);
+QuadraticMesh make_quadratic(const TetMesh& mesh, Element element = Element::kSelective);
 
-/// Gradients of the ten shape functions (1/mm, undeformed coordinates) at the four Gauss points of a straight-edged
-/// tet.
+/// Gradients of the ten shape functions (1/mm, undeformed coordinates) at the points of a straight-edged tet.
 struct TetGradients {
-  std::array<std::array<Eigen::Vector3d, kTetNodes>, kGaussPoints> at;
+  std::array<std::array<Eigen::Vector3d, kTetNodes>, kPoints> at;
   double volume_mm3 = 0;
 };
-TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Element element = Element::kC3D10);
+TetGradients tet_gradients(const std::array<Eigen::Vector3d, 4>& corner_mm, Element element = Element::kSelective);
 
 /// A point of the outside, mostly of the touched face, as a weighted sum of the six nodes of the quadratic triangle
 /// that holds it. A force at the point is shared among the nodes by the same weights (the work-equivalent load), and

@@ -1,7 +1,7 @@
 // Hyperelastic statics of the touched finger: compressible neo-Hookean (Abaqus form: mu/2 (J^-2/3 I1 - 3) + K/2
-// (J-1)^2), ten-node tetrahedra (C3D10), base fixed, plates stiffened, one normal force on the front face. It is the
-// truth that everything is trained and judged on, and shares with the firmware's shape solver only the corners of its
-// mesh: elements, energy and loads are others.
+// (J-1)^2), ten-node tetrahedra (Element::kSelective), base fixed, plates stiffened, forces on the front face. It is
+// the truth that everything is trained and judged on, and shares with the firmware's shape solver only the corners of
+// its mesh: elements, energy and loads are others.
 #pragma once
 
 #include <chrono>

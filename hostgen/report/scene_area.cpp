@@ -287,7 +287,8 @@ json measure_scenes(const Model& model, const FingerSpec& spec, const std::files
       worst_cover = std::max(worst_cover, std::abs(summary.curve[9] - 0.68));
     }
     rows.push_back(row);
-    if (scene_case.is_one_pose()) {
+    // The figures of a shape are about the nodes of one mesh.
+    if (scene_case.is_one_pose() && scene_case.mesh == MeshSize::kDefault) {
       for (json tier : compare_shapes(model, spec, states)) {
         tier["case"] = scene_case.name;
         shapes.push_back(tier);

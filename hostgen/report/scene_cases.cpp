@@ -113,6 +113,13 @@ std::vector<SceneCase> scene_cases() {
            .friction = friction});
     }
   }
+  // Packs are made with the default mesh.
+  add({.name = "frictionless point, fine mesh", .scenes = all, .mesh = MeshSize::kFine});
+  add({.name = "friction 0.6, towards the base, fine mesh",
+       .scenes = objects,
+       .load = Load::kAgainst,
+       .friction = 0.6,
+       .mesh = MeshSize::kFine});
   for (const int diameter_mm : {5, 10, 20}) {
     add({.name = "disc of " + std::to_string(diameter_mm) + " mm",
          .scenes = objects,
@@ -157,7 +164,7 @@ FingerSpec spec_of(const FingerSpec& spec, const SceneCase& scene_case) {
 
 std::vector<CaseState> solve_case(const FingerSpec& spec, const SceneCase& scene_case, int places) {
   const FingerSpec own = spec_of(spec, scene_case);
-  const TetMesh mesh = make_mesh(own);
+  const TetMesh mesh = make_mesh(own, scene_case.mesh);
   const auto finger = std::make_shared<const PushedFinger>(own, mesh);
   const std::vector<Vec3f> at = touch_points(spec, places);
   std::vector<std::vector<CaseState>> found(at.size());

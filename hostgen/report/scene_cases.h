@@ -15,12 +15,13 @@ struct SceneCase {
   std::string name;
   std::vector<std::string> scenes = {};  ///< that contain it
   enum class Load { kPoint, kAlong, kAcross, kAgainst, kDisc, kLine, kTwo, kSide, kBack, kTip, kAny };
-  Load load = Load::kPoint;              ///< kAny: drawn from the first of `scenes`, as for a training set
+  Load load = Load::kPoint;  ///< kAny: drawn from the first of `scenes`, as for a training set
   double friction = 0;
   double diameter_mm = 0;
-  double second_share = 0;               ///< of the force, at the second of two points
-  double stiffness = 1;                  ///< Young's modulus, relative
-  double wall_mm = 0;                    ///< added to every wall
+  double second_share = 0;  ///< of the force, at the second of two points
+  double stiffness = 1;     ///< Young's modulus, relative
+  double wall_mm = 0;       ///< added to every wall
+  MeshSize mesh = MeshSize::kDefault;
   double marker_mm = 0, marker_rad = 0;  ///< how far markers stick from their place: standard deviations, by axis
   enum class Gravity { kNone, kKnown, kUnknown };
   Gravity gravity = Gravity::kNone;

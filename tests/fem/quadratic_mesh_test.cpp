@@ -53,7 +53,7 @@ TEST_CASE("quadratic_mesh: middle nodes belong to base, plates and front like th
   }
 }
 
-TEST_CASE("quadratic_mesh: gradients of a quadratic field are exact at the Gauss points") {
+TEST_CASE("quadratic_mesh: gradients of a quadratic field are exact at the Gauss points and in the middle") {
   const std::array<Vector3d, 4> corner{Vector3d(1, 2, 0), Vector3d(4, 2.5, 0.3), Vector3d(1.2, 6, 1),
                                        Vector3d(2, 3, 5)};
   std::array<Vector3d, kTetNodes> at;
@@ -76,7 +76,11 @@ TEST_CASE("quadratic_mesh: gradients of a quadratic field are exact at the Gauss
     CHECK((gradient - field_gradient(x)).norm() < 1e-12);
     mean += x / kGaussPoints;
   }
-  CHECK((mean - 0.25 * (corner[0] + corner[1] + corner[2] + corner[3])).norm() < 1e-12);
+  const Vector3d middle = 0.25 * (corner[0] + corner[1] + corner[2] + corner[3]);
+  CHECK((mean - middle).norm() < 1e-12);
+  Vector3d gradient = Vector3d::Zero();
+  for (std::size_t a = 0; a < kTetNodes; ++a) gradient += field(at[a]) * gradients.at[kMiddle][a];
+  CHECK((gradient - field_gradient(middle)).norm() < 1e-12);
 }
 
 TEST_CASE("quadratic_mesh: a face point's weights carry its force and moment and interpolate quadratic fields") {

@@ -2,7 +2,9 @@
 
 #include <doctest/doctest.h>
 
+#include <array>
 #include <cmath>
+#include <memory>
 
 #include "tests/fem/box_mesh.h"
 
@@ -26,6 +28,28 @@ TEST_CASE("statics: a slender column bends as beam theory says") {
   const double inertia = 12 * 6 * 6 * 6 / 12.0, area = 12 * 6, E = 10, G = E / (2 * 1.47);
   const double theory_mm = force_n * 60 * 60 * 60 / (3 * E * inertia) + 1.2 * force_n * 60 / (G * area);
   CHECK(state.contact_mm.z() - state.point_mm.z() == doctest::Approx(theory_mm).epsilon(0.04));
+}
+
+TEST_CASE("statics: rubber bends nearly as far on a coarse mesh as on a fine one") {
+  FingerSpec spec = test::small_finger_spec();
+  spec.plate_stiffness_ratio = 1;
+  spec.poisson_ratio = 0.49;
+  const auto bent_mm = [&](const std::array<int, 3>& cells, Element element) {
+    TetMesh mesh = test::box_mesh({{-6, 0, 0}, {12, 60, 4}, cells});
+    for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+      double y = 0;
+      for (const int node : mesh.tets[t]) y += mesh.node_mm[static_cast<std::size_t>(node)][1] / 4;
+      if (y > 54) mesh.region[t] = kFirstPlateRegion + static_cast<int>(t % 3);
+    }
+    FingerStatics finger(std::make_shared<const PushedFinger>(spec, mesh, element));
+    REQUIRE(finger.load(Vec3f(0, 60, 0), 0.01));
+    return static_cast<double>(finger.state().contact_mm.z() - finger.state().point_mm.z());
+  };
+  const std::array<int, 3> coarse = {2, 10, 1}, fine = {4, 24, 3};
+  const double true_mm = bent_mm(fine, Element::kSelective);
+  CHECK(bent_mm(fine, Element::kC3D10) == doctest::Approx(true_mm).epsilon(0.01));
+  CHECK(bent_mm(coarse, Element::kSelective) == doctest::Approx(true_mm).epsilon(0.03));
+  CHECK(bent_mm(coarse, Element::kC3D10) < 0.9 * true_mm);
 }
 
 TEST_CASE("statics: more force pushes further, and the state does not depend on the load path") {
