@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <vector>
 
@@ -40,9 +41,11 @@ std::vector<BentFinger> bend(FingerStatics& statics, const FingerSpec& spec, con
   return found;
 }
 
-/// Least squares for plate numbers that are measured with the spec's noise.
+/// Least squares for plate numbers that are measured with the spec's noise. Of fingers that answer quite otherwise than
+/// at rest the relative error counts: those about to snap through would decide alone.
 void fit_change(const std::vector<BentFinger>& fingers, const PoseVectorOf<double>& noise, GravityResponse& response) {
   constexpr double kUsual_mm = 10;
+  constexpr double kLargeChange = 20;  // per g, in units of the noise
   using Features = Eigen::Matrix<double, kBentFeatures, 1>;
   Features deviation;
   deviation << noise, kUsual_mm * noise;
@@ -53,8 +56,10 @@ void fit_change(const std::vector<BentFinger>& fingers, const PoseVectorOf<doubl
   for (const BentFinger& finger : fingers) {
     const Features features = bent_features(finger.bent);
     const MotionPerG change = finger.per_g - response.at_rest;
-    normal += features * features.transpose();
-    right += features * Eigen::Map<const Eigen::Matrix<double, 1, 3 * kPoseDims>>(change.data());
+    const double size = (noise.cwiseInverse().asDiagonal() * change).norm();
+    const double weight = std::pow(1 + size / kLargeChange, -2);
+    normal += weight * features * features.transpose();
+    right += weight * features * Eigen::Map<const Eigen::Matrix<double, 1, 3 * kPoseDims>>(change.data());
   }
   response.change = normal.ldlt().solve(right).transpose();
 }
