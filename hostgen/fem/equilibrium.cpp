@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kTolerance = 1e-8;  // of the load's norm
 constexpr int kMaxFactorisations = 12, kMaxSteps = 40;
-// Volume ratio at a Gauss point below which an element is as good as inverted.
+// Volume ratio at a tet's point below which an element is as good as inverted.
 constexpr double kSmallestJ = 0.05;
 // A new factor takes as long as this many chord steps. Measured on the default finger: 35 against 7 ms.
 constexpr double kChordsPerFactor = 5;

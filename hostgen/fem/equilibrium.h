@@ -12,7 +12,7 @@
 
 namespace finsight::host {
 
-/// A state of an ElasticBody, in its order: displacements of the nodes (mm) and stresses at the Gauss points (MPa).
+/// A state of an ElasticBody, in its order: displacements of the nodes (mm) and stresses at the tets' points (MPa).
 struct ElasticState {
   std::vector<double> u, stress;
   explicit ElasticState(const ElasticBody& body) : u(body.vector_size()), stress(body.stress_size()) {}

@@ -11,15 +11,24 @@
 using namespace finsight;
 using namespace finsight::host;
 
+namespace {
+
+/// The tets whose middles are higher are of the three plates in turn.
+void put_plates_above(double height_mm, TetMesh& mesh) {
+  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
+    double y_mm = 0;
+    for (const int node : mesh.tets[t]) y_mm += mesh.node_mm[static_cast<std::size_t>(node)][1] / 4;
+    if (y_mm > height_mm) mesh.region[t] = kFirstPlateRegion + static_cast<int>(t % 3);
+  }
+}
+
+}  // namespace
+
 TEST_CASE("statics: a slender column bends as beam theory says") {
   // 60 mm high, 12 x 6 mm, pushed at the end: F L^3 / (3 E I) plus shear 1.2 F L / (G A).
   FingerSpec spec = test::small_finger_spec();
   TetMesh mesh = test::box_mesh({{-6, 0, 0}, {12, 60, 6}, {2, 16, 2}});
-  for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
-    double y = 0;
-    for (const int node : mesh.tets[t]) y += mesh.node_mm[static_cast<std::size_t>(node)][1] / 4;
-    if (y > 56.3) mesh.region[t] = kFirstPlateRegion + static_cast<int>(t % 3);
-  }
+  put_plates_above(56.3, mesh);
   spec.plate_stiffness_ratio = 1;
   FingerStatics finger(spec, mesh);
   const double force_n = 0.01;
@@ -36,11 +45,7 @@ TEST_CASE("statics: rubber bends nearly as far on a coarse mesh as on a fine one
   spec.poisson_ratio = 0.49;
   const auto bent_mm = [&](const std::array<int, 3>& cells, Element element) {
     TetMesh mesh = test::box_mesh({{-6, 0, 0}, {12, 60, 4}, cells});
-    for (std::size_t t = 0; t < mesh.tets.size(); ++t) {
-      double y = 0;
-      for (const int node : mesh.tets[t]) y += mesh.node_mm[static_cast<std::size_t>(node)][1] / 4;
-      if (y > 54) mesh.region[t] = kFirstPlateRegion + static_cast<int>(t % 3);
-    }
+    put_plates_above(54, mesh);
     FingerStatics finger(std::make_shared<const PushedFinger>(spec, mesh, element));
     REQUIRE(finger.load(Vec3f(0, 60, 0), 0.01));
     return static_cast<double>(finger.state().contact_mm.z() - finger.state().point_mm.z());
