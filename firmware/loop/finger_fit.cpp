@@ -23,8 +23,6 @@ Hysteresis::Hysteresis(const FitValues& fit) : force_range_n_(fit.force_range_n)
   float widest = 0;
   for (const float width : kPlays) widest += 2 * std::min(width, 0.25F);
   weight_ = fit.hysteresis / widest;
-  for (std::size_t i = 0; i < kPlays.size(); ++i) play_n_[i] = kPlays[i] * force_range_n_;
-  zero();
 }
 
 float Hysteresis::elastic_n(float force_n) const {
@@ -42,15 +40,19 @@ float Hysteresis::force_n(float elastic_n) {
   float force_n = elastic_n;
   for (int i = 0; i < kIterations; ++i) force_n += elastic_n - this->elastic_n(force_n);
   force_n = std::max(force_n, 0.0F);  // below the threshold of touches, where 0 is said instead of what is left
+  follow(force_n);
+  return force_n;
+}
+
+void Hysteresis::follow(float force_n) {
   for (std::size_t i = 0; i < kPlays.size(); ++i) {
     const float width_n = kPlays[i] * force_range_n_;
     play_n_[i] = std::clamp(play_n_[i], force_n - width_n, force_n + width_n);
   }
-  return force_n;
 }
 
 void Hysteresis::zero() {
-  force_n(0);
+  follow(0);
   at_zero_n_ += elastic_n(0);
 }
 

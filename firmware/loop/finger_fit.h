@@ -44,7 +44,7 @@ std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f
 float force_scale_at(const FitValues& fit, const Vec3f& point_mm);
 
 /// The force of a material with dry friction inside, from the force that would bend an elastic one so: an inverted
-/// operator of Prandtl and Ishlinskii. Starts as one that was bent before and let go.
+/// operator of Prandtl and Ishlinskii. Starts as one that has rested for so long that no touch is left in it.
 class Hysteresis {
  public:
   explicit Hysteresis(const FitValues& fit);
@@ -52,6 +52,8 @@ class Hysteresis {
   float force_n(float elastic_n);
   /// The force that would bend an elastic finger as `force_n` would bend this one now.
   float elastic_n(float force_n) const;
+  /// `force_n` acts now. As force_n(), where the force is known.
+  void follow(float force_n);
   /// The finger is let go: `elastic_n` counts from here.
   void zero();
 
@@ -60,7 +62,7 @@ class Hysteresis {
 
   float weight_, force_range_n_;
   std::array<float, kPlays.size()> play_n_{};
-  float at_zero_n_ = 0;
+  float at_zero_n_ = 0;  ///< what touches had left in it then
 };
 
 class FingerFit {

@@ -36,10 +36,15 @@ std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model
   }
   std::vector<std::vector<TouchReading>> readings(sessions.size());
   Progress progress("recordings", sessions.size());
-  parallel_for(sessions.size(), [&](std::size_t i) {
-    readings[i] = session_touches(sessions[i], model, settings);
+  std::optional<ZeroPose> first_zero;
+  const auto read = [&](std::size_t i) {
+    SessionTouches touches = session_touches(sessions[i], model, settings, first_zero);
+    readings[i] = std::move(touches.readings);
     progress.advance();
-  });
+    return touches.zero;
+  };
+  first_zero = read(0);  // the command line asks for one at least
+  parallel_for(sessions.size() - 1, [&](std::size_t i) { read(i + 1); });
   return readings;
 }
 

@@ -18,7 +18,8 @@ struct FittedDevice {
   /// Of the recordings, in days (see days_of). Throws InputError for a day that does not exist.
   std::uint16_t day() const;
   /// With the mount and the fit that were named, or `unnamed`: of every session in its order, on all cores, with
-  /// progress. Throws InputError if one of the files cannot be used, and as session_touches does.
+  /// progress. The first one's zero serves all, see session_touches. Throws InputError if one of the files cannot be
+  /// used, and as session_touches does.
   std::vector<std::vector<TouchReading>> readings(const Model& model,
                                                   const std::optional<FitValues>& unnamed = std::nullopt) const;
 };

@@ -9,6 +9,18 @@
 
 namespace finsight::host {
 
+namespace {
+
+float motion_between_mm(const ZeroPose& before, const ZeroPose& now) {
+  float furthest_mm = 0;
+  for (std::size_t p = 0; p < kPlates; ++p) {
+    furthest_mm = std::max(furthest_mm, (now[p].displacement_mm - before[p].displacement_mm).norm());
+  }
+  return furthest_mm;
+}
+
+}  // namespace
+
 TouchReading touch_reading(const FrameLoop& loop, double time_s) {
   const RegisterImage& image = loop.registers();
   TouchReading reading{.time_s = time_s};
@@ -29,8 +41,8 @@ std::string session_name(const std::filesystem::path& session) {
   return session.has_filename() ? session.filename().string() : session.parent_path().filename().string();
 }
 
-std::vector<TouchReading> session_touches(const std::filesystem::path& session, const Model& model,
-                                          const LoopSettings& settings) {
+SessionTouches session_touches(const std::filesystem::path& session, const Model& model, const LoopSettings& settings,
+                               const std::optional<ZeroPose>& earlier, float left_by_touches_mm) {
   const SessionInfo info = read_session_info(session);
   check_markers(info, session, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
                 "the model pack");
@@ -40,7 +52,7 @@ std::vector<TouchReading> session_touches(const std::filesystem::path& session, 
   loop_settings.fixed_g = Vec3f(0, 0, 0);  // a jig keeps the finger as it was at its zero
   FrameLoop loop(model, info.lens, loop_settings);
   const auto camera = open_session_camera({.path = session, .recording = "", .recorded_speed = false}, info);
-  std::vector<TouchReading> readings;
+  SessionTouches touches;
   bool is_zeroed = false;
   loop.zeroing().begin();
   Frame frame;
@@ -48,17 +60,22 @@ std::vector<TouchReading> session_touches(const std::filesystem::path& session, 
     if (interrupted()) throw Interrupted();
     loop.step(frame);
     const double time_s = static_cast<double>(number) / info.frames_per_second;
-    if (is_zeroed) readings.push_back(touch_reading(loop, time_s));
+    if (is_zeroed) touches.readings.push_back(touch_reading(loop, time_s));
     const auto outcome = loop.zeroing().take_outcome();
     if (!outcome) continue;
     is_zeroed = *outcome;
     if (!is_zeroed) {
       throw InputError(session.string(), "does not begin with an untouched finger that stands still for a second");
     }
+    touches.zero = *loop.zeroing().zero();
+    if (earlier && motion_between_mm(*earlier, touches.zero) < left_by_touches_mm) {
+      loop.zeroing().set_zero(touches.zero = *earlier);
+    }
   }
   if (!camera->error().empty()) throw InputError(session.string(), camera->error());
-  if (readings.empty()) throw InputError(session.string(), "is over before the finger was zeroed, after one second");
-  return readings;
+  if (touches.readings.empty())
+    throw InputError(session.string(), "is over before the finger was zeroed, after one second");
+  return touches;
 }
 
 }  // namespace finsight::host

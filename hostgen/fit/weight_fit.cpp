@@ -273,9 +273,15 @@ void fit_offsets(const FitBasis& basis, WeightFit& fit) {
                                    kAcrossRest_mm * kAcrossRest_mm + kAlongRest_mm * kAlongRest_mm));
 }
 
-/// What the weight of a hold would have been for a finger without hysteresis.
-double elastic_n(const WeightFit& fit, const WeightHold& hold) {
-  return static_cast<double>(Hysteresis(fit.values).elastic_n(static_cast<float>(hold.force_n)));
+/// Each weight finds what the ones before have left in the finger.
+void take_out_hysteresis(WeightFit& fit) {
+  Hysteresis material(fit.values);
+  for (WeightHold& hold : fit.holds) {
+    const auto force_n = static_cast<float>(hold.force_n);
+    hold.elastic_n = static_cast<double>(material.elastic_n(force_n));
+    material.follow(force_n);
+    material.follow(0);
+  }
 }
 
 void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightFit& fit) {
@@ -283,7 +289,7 @@ void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightF
   prior << static_cast<double>(basis.force_tolerance), kForceSlopePrior;
   std::vector<double> scale;
   for (const WeightHold& hold : fit.holds) {
-    scale.push_back(std::log(elastic_n(fit, hold) / hold.pack_force_n) - hold.pack_error.log_force);
+    scale.push_back(std::log(hold.elastic_n / hold.pack_force_n) - hold.pack_error.log_force);
   }
   const Polynomial found = polynomial(prior, kForceRest, terms_of(fit), scale);
   fit.values.force_scale = static_cast<float>(std::exp(found.mean[0]));
@@ -307,7 +313,7 @@ void note_errors(const FitBasis& basis, WeightFit& fit) {
     FingerFit(fit.values).apply(basis.face_axes, 1, touch);
     hold.touch_error_mm = touch.point_mm - hold.truth_mm;
     hold.force_error =
-        static_cast<double>(force_scale_at(fit.values, hold.point_mm)) * hold.pack_force_n / elastic_n(fit, hold) - 1;
+        static_cast<double>(force_scale_at(fit.values, hold.point_mm)) * hold.pack_force_n / hold.elastic_n - 1;
   }
 }
 
@@ -378,6 +384,7 @@ WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& re
   for (std::size_t i = 0; i < records.size(); ++i) fit.holds[i].pack_force_n = without_creep(series[i], creep);
   check_holds(basis, fit.holds);
   ask_pack(basis, fit.holds);
+  take_out_hysteresis(fit);
   fit_offsets(basis, fit);
   fit_force(basis, creep, fit);
   fit_explained(basis, fit);

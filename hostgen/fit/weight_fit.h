@@ -25,6 +25,7 @@ struct WeightHold {
   int hole = 0;
   double force_n = 0;
   double began_s = 0, lasted_s = 0;
+  double elastic_n = 0;            ///< force that would have bent a finger without hysteresis so
   double pack_force_n = 0;         ///< by the pack, without creep
   Vec3f point_mm = Vec3f::Zero();  ///< mean
   Vec3f truth_mm = Vec3f::Zero();  ///< the hole's contact point

@@ -31,9 +31,10 @@ constexpr double kFirm_mm = 4;  // plate motion from which on touches are counte
 // Poses smoothed by 50 ms, as a board file can ask for: they have settled when a reading of 0.2 s ends.
 constexpr double kSmoothing_ms = 50;
 constexpr int kFrames = 12;        // of a reading
-constexpr int kFramesAtRest = 60;  // before a zero: until a smoothing device has forgotten the touch
+constexpr int kFramesAtRest = 60;  // until a smoothing device has forgotten the touch
 
-// The finger as its pack takes it, as fitted, with one part of the fit left out each, and fitted with smoothed poses.
+// The finger as its pack takes it, as fitted, with one part of the fit left out each, fitted with smoothed poses, and
+// zeroed after every touch instead of once.
 enum Variant : std::size_t {
   kBefore,
   kAfter,
@@ -42,10 +43,12 @@ enum Variant : std::size_t {
   kWithoutHysteresis,
   kWithoutOffset,
   kSmoothed,
+  kZeroedAgain,
   kVariants
 };
 constexpr std::array<const char*, kVariants> kVariantNames = {
-    "before", "after", "without_scale", "without_creep", "without_hysteresis", "without_offset", "smoothed"};
+    "before",         "after",    "without_scale", "without_creep", "without_hysteresis",
+    "without_offset", "smoothed", "zeroed_again"};
 
 /// Errors of one finger, or of all.
 struct Errors {
@@ -86,40 +89,53 @@ struct Errors {
   }
 };
 
-/// One finger on the bench: its places, its material's memory, and the devices that look at it.
+/// A device at the bench.
+struct Watcher {
+  VirtualDevice& device;
+  int frames = 1;                      ///< of a reading
+  bool zeroes_before_touches = false;  ///< besides the zero when it was mounted
+};
+
+/// One finger on the bench: its material's memory, and the devices that look at it.
 class Bench {
  public:
-  /// `smoothing`: a device that needs a row of frames for a reading.
-  Bench(const VirtualFinger& finger, VirtualDevice& device, VirtualDevice& smoothing, const FingerSpec& nominal)
+  Bench(const VirtualFinger& finger, const std::vector<Watcher>& watchers, const FingerSpec& nominal)
       : finger_(finger),
-        device_(device),
-        smoothing_(smoothing),
+        watchers_(watchers),
         memory_(finger.memory()),
         stiffness_(finger.spec.youngs_modulus_mpa / nominal.youngs_modulus_mpa) {}
 
   double strongest_n(const PressedPlace& place) const { return 0.85 * stiffness_ * place.highest_n(); }
 
-  /// The finger is let go for two minutes and zeroed.
-  void rest(const PressedPlace& last) {
-    const std::array<PlateMotion, kPlates> plates = last.plates(memory_.bends_as_n(0, kRest_s) / stiffness_);
-    device_.zero(plates);
-    smoothing_.measure(plates, kRest_s, kFramesAtRest);
-    smoothing_.zero(plates);
+  /// The finger is let go for two minutes. What the last touch has left in it has that touch's shape.
+  void rest() {
+    const double as_n = memory_.bends_as_n(0, kRest_s);
+    const std::array<PlateMotion, kPlates> plates =
+        last_ ? last_->plates(as_n / stiffness_) : std::array<PlateMotion, kPlates>{};
+    for (const Watcher& watcher : watchers_) {
+      watcher.device.measure(plates, kRest_s, kFramesAtRest);
+      if (watcher.zeroes_before_touches) watcher.device.zero(plates);
+    }
   }
-  /// Readings of both devices.
+  /// Readings of all devices.
   std::vector<TouchReading> press(const PressedPlace& place, double force_n) {
+    last_ = &place;
     const double as_n = memory_.bends_as_n(finger_.at_fit_temperature_n(force_n), kReading_s);
     const std::array<PlateMotion, kPlates> plates = place.plates(as_n / stiffness_);
-    std::vector<TouchReading> readings = device_.measure(plates, kReading_s);
-    for (const TouchReading& smoothed : smoothing_.measure(plates, kReading_s, kFrames)) readings.push_back(smoothed);
+    std::vector<TouchReading> readings;
+    for (const Watcher& watcher : watchers_) {
+      const std::vector<TouchReading> more = watcher.device.measure(plates, kReading_s, watcher.frames);
+      readings.insert(readings.end(), more.begin(), more.end());
+    }
     return readings;
   }
 
  private:
   const VirtualFinger& finger_;
-  VirtualDevice &device_, &smoothing_;
+  std::vector<Watcher> watchers_;
   MaterialMemory memory_;
   double stiffness_;
+  const PressedPlace* last_ = nullptr;
 };
 
 struct Places {
@@ -156,7 +172,7 @@ std::vector<std::vector<WeightRecord>> weigh(const Places& places, const FitBasi
   for (std::size_t h = 0; h < places.holes.size(); ++h) {
     const PressedPlace& place = places.holes[h];
     const double force_n = std::min(kForces_n[3 * h / places.holes.size()], bench.strongest_n(place));
-    bench.rest(place);
+    bench.rest();
     for (auto& of_device : records) {
       of_device.push_back(
           {.name = "hole " + std::to_string(h + 1), .hole = basis.holes[h].number, .force_n = force_n, .readings = {}});
@@ -192,7 +208,7 @@ void touch_elsewhere(const Places& places, Random& random, Bench& bench, AllErro
     const double force_n = random.uniform(kLightest_n, strongest_n);
     const bool was_more = random.uniform() < 0.5;
     const double before_n = std::min(1.3 * force_n, strongest_n);
-    bench.rest(place);
+    bench.rest();
     for (int i = 1; i <= 5 && was_more; ++i) bench.press(place, before_n * i / 5);
     const int held = 1 + static_cast<int>(random.index(100));
     std::vector<TouchReading> last;
@@ -206,7 +222,7 @@ void hold_for_a_minute(const Places& places, Bench& bench, AllErrors& errors) {
   for (const std::size_t hole : {std::size_t{1}, places.holes.size() - 2}) {
     const PressedPlace& place = places.holes[hole];
     const double force_n = std::min(3.5, bench.strongest_n(place));
-    bench.rest(place);
+    bench.rest();
     std::vector<TouchReading> first, last;
     constexpr int kMinute = 300, kAveraged = 10;
     std::array<double, kVariants> first_n{}, last_n{};
@@ -258,7 +274,7 @@ FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBas
   plain.fit = smoothing.fit;
   VirtualDevice unfitted(model, spec, finger, {plain}, 2 * number),
       unfitted_smoothing(model, spec, finger, {smoothing}, 2 * number);
-  Bench at_fit(finger, unfitted, unfitted_smoothing, spec);
+  Bench at_fit(finger, {{unfitted}, {unfitted_smoothing, kFrames}}, spec);
   const std::vector<std::vector<WeightRecord>> records = weigh(places, basis, 2, at_fit);
   const auto fit = [&](const std::vector<WeightRecord>& weights, FitValues& values) -> std::string {
     try {
@@ -271,9 +287,12 @@ FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBas
   result.refused = fit(records[0], result.fit);
   if (!result.refused.empty()) return result;
   result.smoothed_refused = fit(records[1], smoothing.fit.emplace());
+  LoopSettings fitted;
+  fitted.fit = result.fit;
   VirtualDevice devices(model, spec, finger, variants_of(result.fit), 2 * number + 1),
-      smoothing_device(model, spec, finger, {smoothing}, 2 * number + 1);
-  Bench in_use(finger, devices, smoothing_device, spec);
+      smoothing_device(model, spec, finger, {smoothing}, 2 * number + 1),
+      zeroed_again(model, spec, finger, {fitted}, 2 * number + 1);
+  Bench in_use(finger, {{devices}, {smoothing_device, kFrames}, {zeroed_again, 1, true}}, spec);
   Random random(number + 500);
   touch_elsewhere(places, random, in_use, result.errors);
   hold_for_a_minute(places, in_use, result.errors);

@@ -88,11 +88,9 @@ TEST_CASE("hysteresis: what bends the finger and what it bends it like are each 
 TEST_CASE("finger fit: a force reads alike whether it grew or fell, of a material whose plays are others") {
   constexpr std::array<float, 6> kWidths_n = {0.1F, 0.25F, 0.5F, 0.9F, 1.5F, 2.2F};
   constexpr float kRange_n = 6, kWeight = 0.065F * kRange_n / 2 / 4.75F;  // the last two turn round in part
-  std::array<float, 6> plays_n = kWidths_n;
-  float at_zero_n = 0;
-  for (const float play_n : plays_n) at_zero_n += kWeight * play_n;
+  std::array<float, 6> plays_n{};
   const auto bends_as_n = [&](float force_n) {
-    float elastic_n = force_n - at_zero_n;
+    float elastic_n = force_n;
     for (std::size_t i = 0; i < plays_n.size(); ++i) {
       plays_n[i] = std::clamp(plays_n[i], force_n - kWidths_n[i], force_n + kWidths_n[i]);
       elastic_n += kWeight * (plays_n[i] - force_n);
@@ -104,14 +102,15 @@ TEST_CASE("finger fit: a force reads alike whether it grew or fell, of a materia
   values.force_range_n = kRange_n;
   FingerFit fit(values);
   float gap_n = 0, worst_n = 0;
-  for (int frame = 1; frame <= 240; ++frame) {
-    const float force_n = frame <= 120 ? 0.05F * static_cast<float>(frame) : 0.05F * static_cast<float>(240 - frame);
+  for (int frame = 1; frame <= 480; ++frame) {  // twice: the first touch leaves something behind for the second
+    const int step = frame % 240;
+    const float force_n = 0.05F * static_cast<float>(step <= 120 ? step : 240 - step);
     Touch touch = touch_of(bends_as_n(force_n));
     gap_n = std::max(gap_n, std::abs(touch.force_n - force_n));
     fit.apply(Eigen::Matrix3f::Identity(), frame * kFrame_ns, touch);
     worst_n = std::max(worst_n, std::abs(touch.force_n - force_n));
   }
-  CHECK(gap_n > 0.3F);
+  CHECK(gap_n > 0.2F);
   CHECK(worst_n < 0.1F);
 }
 
