@@ -3,7 +3,19 @@
 #include <algorithm>
 #include <cmath>
 
+#include "firmware/model/model.h"
+
 namespace finsight {
+
+void change_motions(const FitValues& fit, PlatePoses& poses) {
+  PoseVector motion = pose_vector(poses);
+  motion += fit.motion_change * motion;
+  for (int p = 0; p < kPlates; ++p) {
+    PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];
+    plate.displacement_mm = motion.segment<3>(6 * p);
+    plate.rotation_rad = motion.segment<3>(6 * p + 3);
+  }
+}
 
 std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f& point_mm) {
   const float u = (point_mm.x() - fit.face_middle_mm.x()) / fit.face_half_mm[0];

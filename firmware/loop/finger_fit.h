@@ -29,6 +29,10 @@ struct FitValues {
   /// offset = c0 + c1 u + c2 v + c3 v^2, u and v being -1 to 1 over the face.
   static constexpr int kTerms = 4;
   std::array<float, kTerms> across_mm{}, along_mm{};
+  /// This times the plates' motion is to be added to it: what this finger's walls, markers and camera show otherwise
+  /// than those that the pack was made for.
+  Eigen::Matrix<float, kPoseDims, kPoseDims, Eigen::RowMajor> motion_change =
+      Eigen::Matrix<float, kPoseDims, kPoseDims, Eigen::RowMajor>::Zero();
   Vec3f face_middle_mm = Vec3f::Zero();     ///< where u and v are 0
   std::array<float, 2> face_half_mm{1, 1};  ///< where u and v are 1, from there
   float touch_radius_mm = 0;                ///< 68 % of what this leaves of the touches' offset is smaller
@@ -38,6 +42,8 @@ struct FitValues {
   float explained_lower = 0;
 };
 
+/// The poses with FitValues::motion_change.
+void change_motions(const FitValues& fit, PlatePoses& poses);
 /// 1, u, v and v^2 at a touch.
 std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f& point_mm);
 /// Force over what the pack says, at a touch.
@@ -69,6 +75,8 @@ class FingerFit {
  public:
   explicit FingerFit(const FitValues& fit) : fit_(fit), hysteresis_(fit) {}
 
+  /// Once per frame with fresh plates, before anything is told from them.
+  void change_motions(PlatePoses& poses) const { finsight::change_motions(fit_, poses); }
   /// Once per frame with fresh plates: corrects the touch, if there is one. `face_axes`: columns normal, across, along.
   void apply(const Eigen::Matrix3f& face_axes, std::int64_t exposure_ns, Touch& touch);
   /// The finger is let go and was zeroed.

@@ -90,8 +90,9 @@ void FrameLoop::zero(Observation& seen) {
     seen.rigid_motion.reset();
   }
   const bool is_zeroed = zeroing_.zero().has_value();
-  if (seen.poses.quality == Quality::kFresh) marker_places_.correct(seen.poses);
   if (seen.poses.quality == Quality::kFresh) {
+    marker_places_.correct(seen.poses);
+    if (fit_) fit_->change_motions(seen.poses);
     seen.unknown_g = gravity_.apply(is_zeroed || mount_is_measured_, seen.poses);
   }
   seen.is_from_rest = is_zeroed || rest_is_known_;

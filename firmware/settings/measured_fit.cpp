@@ -15,6 +15,7 @@ using namespace std::chrono;
 
 constexpr sys_days kFirstDay = 2000y / January / 1;
 constexpr double kLargestOffset_mm = 20;
+constexpr double kLargestChange = 100;  // mm and rad, per mm and per rad
 
 std::array<float, FitValues::kTerms> read_terms(TomlTable& table, const char* key) {
   const std::vector<double> numbers = table.numbers(key, FitValues::kTerms, -kLargestOffset_mm, kLargestOffset_mm);
@@ -27,11 +28,13 @@ float read_number(TomlTable& table, const char* key, double lowest, double highe
   return static_cast<float>(table.number(key, lowest, highest));
 }
 
-void add_numbers(std::string& text, const char* key, std::span<const float> numbers) {
+/// `per_line` of them in a line, or all.
+void add_numbers(std::string& text, const char* key, std::span<const float> numbers, std::size_t per_line = SIZE_MAX) {
   text.append(key).append(" = [");
   char number[32];
   for (std::size_t i = 0; i < numbers.size(); ++i) {
-    std::snprintf(number, sizeof number, "%s%.6g", i ? ", " : "", static_cast<double>(numbers[i]));
+    const char* before = i == 0 ? "" : i % per_line == 0 ? ",\n  " : ", ";
+    std::snprintf(number, sizeof number, "%s%.6g", before, static_cast<double>(numbers[i]));
     text += number;
   }
   text += "]\n";
@@ -85,6 +88,11 @@ FitValues read_measured_fit(TomlTable table) {
   }
   fit.across_mm = read_terms(table, "across_mm");
   fit.along_mm = read_terms(table, "along_mm");
+  if (table.has("motion_change")) {
+    const std::vector<double> change = table.numbers(
+        "motion_change", static_cast<std::size_t>(fit.motion_change.size()), -kLargestChange, kLargestChange);
+    std::ranges::transform(change, fit.motion_change.data(), [](double number) { return static_cast<float>(number); });
+  }
   const std::vector<double> middle = table.numbers("face_middle_mm", 3, -1000, 1000);
   fit.face_middle_mm = Eigen::Vector3d(middle[0], middle[1], middle[2]).cast<float>();
   const std::vector<double> half = table.numbers("face_half_mm", 2, 1, 1000);
@@ -117,6 +125,10 @@ std::string measured_fit_toml(const FitValues& fit) {
   if (fit.hysteresis > 0) {
     add("hysteresis", fit.hysteresis, "widest gap between a growing and a falling force, of force_range_n");
     add("force_range_n", fit.force_range_n, "of the finger");
+  }
+  if (!fit.motion_change.isZero(0)) {
+    text += "# This times the plates' motion is added to it: walls, markers and camera.\n";
+    add_numbers(text, "motion_change", std::span(fit.motion_change.data(), fit.motion_change.size()), kPoseDims);
   }
   text += "# How far touches are seen beside their place: c0 + c1 u + c2 v + c3 v^2.\n";
   add_numbers(text, "across_mm", fit.across_mm);

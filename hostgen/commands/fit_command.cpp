@@ -23,6 +23,17 @@ struct Options {
   fs::path weights, output;
 };
 
+/// Those that the weights tell something of.
+void print_motions(const MotionFit& fit, const std::vector<Deviation>& deviations) {
+  constexpr double kTold = 0.7;  // of the usual deviation
+  std::printf("by how it moves:\n");
+  for (std::size_t k = 0; k < deviations.size(); ++k) {
+    const Deviation& one = deviations[k];
+    if (fit.sigma[k] > kTold * one.usual) continue;
+    std::printf("  %-32s %+6.2f +- %.2f %s\n", one.name.c_str(), fit.amount[k], fit.sigma[k], one.unit.c_str());
+  }
+}
+
 void print_fit(const WeightFit& fit, const FitBasis& basis) {
   std::printf("recording             hole  weight N  held s  pack's N  force off %%  touch off mm (across, up)\n");
   for (const WeightHold& hold : fit.holds) {
@@ -45,6 +56,7 @@ void print_fit(const WeightFit& fit, const FitBasis& basis) {
     std::printf("this finger's touches are unlike the pack's: what it calls unexplained is less likely by %.1f\n",
                 static_cast<double>(values.explained_lower));
   }
+  print_motions(fit.motions, basis.motions.deviations);
   for (const std::string& untold : fit.untold) std::printf("not told: %s\n", untold.c_str());
 }
 
@@ -79,7 +91,7 @@ void add_fit_command(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "fit",
-      "find force scale, creep and touch offset of one finger from recordings of known weights at the holes of its "
+      "find force scale, creep, motions and touch offset of one finger from recordings of known weights at the holes of its "
       "jig. "
       "Each begins with the untouched finger for two seconds; hold one weight in each row of holes for a minute to "
       "tell creep");

@@ -2,27 +2,18 @@
 // finger that it hangs at.
 #pragma once
 
-#include <span>
-#include <vector>
-
-#include "firmware/model/model.h"
-#include "hostgen/finger/jig_holes.h"
+#include "firmware/touch/touch_stage.h"
+#include "hostgen/fit/pressed_place.h"
 
 namespace finsight::host {
 
 /// Of one push at one hole, without noise.
 struct PackError {
-  double pack_force_n = 0;         ///< what the pack says of the force
-  Vec3f touch_mm = Vec3f::Zero();  ///< where it says the touch is, less where it is
+  Vec3f touch_mm = Vec3f::Zero();  ///< where the pack says the touch is, less where it is
   double log_force = 0;            ///< logarithm of the force over what the pack says
 };
 
-/// Per hole, by rising force: up to ten pushes, to half as much again as the spec's range, of those that have an
-/// equilibrium and whose touch the pack publishes. Solves the finger of the spec by finite elements: some seconds.
-std::vector<std::vector<PackError>> pack_errors(const FingerSpec& spec, const Model& model,
-                                                const std::vector<JigHole>& holes);
-
-/// Between the pushes, and that of the nearest beyond them. Zero if there are none.
-PackError pack_error_at(std::span<const PackError> pushes, double pack_force_n);
+/// `place` is that finger's at the hole. Zero where the pack publishes no touch under that force.
+PackError pack_error(const PressedPlace& place, double force_n, const Vec3f& hole_mm, TouchStage& stage);
 
 }  // namespace finsight::host

@@ -32,7 +32,7 @@ bool PressedPlace::solve(FingerStatics& statics, double highest_n) {
 }
 
 // Motion over force changes slowly and has a limit at rest: the polynomial through all of them.
-std::array<PlateMotion, kPlates> PressedPlace::plates(double force_n) const {
+PoseVectorOf<double> PressedPlace::motion(double force_n) const {
   PoseVectorOf<double> sum = PoseVectorOf<double>::Zero();
   for (std::size_t i = 0; i < force_n_.size(); ++i) {
     double weight = 1;
@@ -41,7 +41,11 @@ std::array<PlateMotion, kPlates> PressedPlace::plates(double force_n) const {
     }
     sum += weight * per_newton_[i];
   }
-  const PoseVector numbers = (force_n * sum).cast<float>();
+  return force_n * sum;
+}
+
+std::array<PlateMotion, kPlates> PressedPlace::plates(double force_n) const {
+  const PoseVector numbers = motion(force_n).cast<float>();
   return seen_poses({numbers.data(), kPoseDims}).plates;
 }
 

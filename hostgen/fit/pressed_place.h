@@ -19,6 +19,7 @@ class PressedPlace {
   const Vec3f& point_mm() const { return point_mm_; }
   /// 0: the place gives way under any force.
   double highest_n() const { return force_n_.empty() ? 0 : force_n_.back(); }
+  PoseVectorOf<double> motion(double force_n) const;
   std::array<PlateMotion, kPlates> plates(double force_n) const;
 
  private:

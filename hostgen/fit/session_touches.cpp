@@ -26,6 +26,7 @@ TouchReading touch_reading(const FrameLoop& loop, double time_s) {
   TouchReading reading{.time_s = time_s};
   reading.plate_motion_mm = plate_motion_mm(loop.view().poses.plates);
   reading.explained = loop.view().explained;
+  reading.poses = loop.view().poses;
   reading.is_valid = image.words[address_of("status")] & kTouchValid;
   if (!reading.is_valid) return reading;
   for (int i = 0; i < 3; ++i) {

@@ -12,6 +12,7 @@ struct TouchReading {
   double radius_mm = 0, force_n = 0, force_sigma_n = 0;
   float plate_motion_mm = 0;  ///< of the plate that moved furthest; no register
   float explained = 0;        ///< log-odds that a touch of the pack's scene moved the plates; no register
+  PlatePoses poses{};         ///< no register
 };
 TouchReading touch_reading(const FrameLoop& loop, double time_s);
 

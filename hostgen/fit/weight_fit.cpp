@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "firmware/input_error.h"
+#include "firmware/touch/touch_stage.h"
 #include "hostgen/finger/spec.h"
 #include "hostgen/util/gravity.h"
 #include "hostgen/util/statistics.h"
@@ -17,14 +18,17 @@ namespace {
 constexpr int kTerms = FitValues::kTerms;
 using Terms = Eigen::Matrix<double, kTerms, 1>;
 
-// What fingers of the workshop have in common: deviations of the terms, and what the terms do not describe. Measured
-// with `hostgen report ... fit` on fingers that its figures do not count.
-const Terms kAcrossPrior_mm(0.3, 0.5, 0.2, 0.2);
-const Terms kAlongPrior_mm(1.0, 1.0, 0.6, 1.0);
-constexpr double kAcrossRest_mm = 0.25, kAlongRest_mm = 0.25;
+// What fingers of the workshop have in common once their motions are fitted: deviations of the terms, and what the
+// terms do not describe. Measured with `hostgen report ... fit` on fingers that its figures do not count.
+const Terms kAcrossPrior_mm(0.1, 0.15, 0.1, 0.1);
+const Terms kAlongPrior_mm(0.4, 0.4, 0.3, 0.4);
+constexpr double kAcrossRest_mm = 0.1, kAlongRest_mm = 0.1;
 // Of the force, relative, beside the pack's tolerance in the middle of the face; and what remains.
-const Eigen::Vector3d kForceSlopePrior(0.05, 0.12, 0.08);
-constexpr double kForceRest = 0.03;
+const Eigen::Vector3d kForceSlopePrior(0.02, 0.03, 0.03);
+constexpr double kForceRest = 0.02;
+// MotionFit::unlike: up to which those numbers hold, beyond which they grow; and at which plates move as on a finger
+// that is not fitted.
+constexpr double kWellFitted = 0.007, kNotFitted = 0.03;
 constexpr double kUnknownCreep = 0.06;      // relative deviation of forces of unknown age
 constexpr double kHysteresis = 0.02;        // relative deviation of forces that grew or fell before
 constexpr float kUsualHysteresis = 0.065F;  // of polyurethane: widest gap, of the full force
@@ -36,7 +40,9 @@ constexpr double kCreepHold_s = 20;  // tells creep
 constexpr float kLessThanAtHoles = 2;
 constexpr double kWrongForce = 0.35, kWrongPlace_mm = 9;
 
+/// The readings of a hold while its weight hung still.
 struct Series {
+  std::vector<TouchReading> readings;
   std::vector<double> after_s, force_n;
 };
 
@@ -62,10 +68,22 @@ const JigHole& hole_of(const FitBasis& basis, const WeightRecord& record) {
                    "1 to " + std::to_string(basis.holes.size()) + ", as printed on the jig");
 }
 
+void summarise(Series& series, WeightHold& hold) {
+  series.force_n.clear();
+  hold.point_mm.setZero();
+  hold.explained = std::numeric_limits<float>::infinity();
+  hold.plate_motion_mm = 0;
+  for (const TouchReading& reading : series.readings) {
+    series.force_n.push_back(reading.force_n);
+    hold.point_mm += reading.point_mm / static_cast<float>(series.readings.size());
+    hold.explained = std::min(hold.explained, reading.explained);
+    hold.plate_motion_mm = std::max(hold.plate_motion_mm, reading.plate_motion_mm);
+  }
+}
+
 WeightHold hold_of(const FitBasis& basis, const WeightRecord& record, Series& series) {
   const auto [first, end] = longest_touch(record.readings);
   WeightHold hold{.name = record.name, .hole = record.hole, .force_n = record.force_n};
-  hold.explained = std::numeric_limits<float>::infinity();
   hold.truth_mm = hole_of(basis, record).contact_mm.cast<float>();
   if (first < end) {
     hold.began_s = record.readings[first].time_s;
@@ -75,17 +93,14 @@ WeightHold hold_of(const FitBasis& basis, const WeightRecord& record, Series& se
     const TouchReading& reading = record.readings[i];
     const double after_s = reading.time_s - hold.began_s;
     if (!reading.is_valid || after_s < kSettling_s || after_s > hold.lasted_s - kSettling_s) continue;
+    series.readings.push_back(reading);
     series.after_s.push_back(after_s);
-    series.force_n.push_back(reading.force_n);
-    hold.point_mm += reading.point_mm;
-    hold.explained = std::min(hold.explained, reading.explained);
-    hold.plate_motion_mm = std::max(hold.plate_motion_mm, reading.plate_motion_mm);
   }
   if (hold.lasted_s < kShortestHold_s) {
     throw InputError(record.name, "touched for", std::to_string(hold.lasted_s) + " s without a break",
                      "two seconds or more; is the weight too light for this hole?");
   }
-  hold.point_mm /= static_cast<float>(series.force_n.size());
+  summarise(series, hold);
   return hold;
 }
 
@@ -206,11 +221,45 @@ void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
 }
 
 // The jig numbers its holes from 1.
-void ask_pack(const FitBasis& basis, std::vector<WeightHold>& holds) {
-  if (basis.pack_errors.empty()) return;
-  for (WeightHold& hold : holds) {
-    hold.pack_error = pack_error_at(basis.pack_errors[static_cast<std::size_t>(hold.hole - 1)], hold.pack_force_n);
+MotionFit motions_of(const FitBasis& basis, const std::vector<Series>& series, const std::vector<WeightHold>& holds) {
+  std::vector<SeenMotion> seen;
+  for (std::size_t i = 0; i < holds.size(); ++i) {
+    SeenMotion& mean = seen.emplace_back(static_cast<std::size_t>(holds[i].hole - 1), PoseVectorOf<double>::Zero());
+    for (const TouchReading& reading : series[i].readings) {
+      mean.motion += pose_vector(reading.poses).cast<double>() / static_cast<double>(series[i].readings.size());
+    }
   }
+  return fit_motions(basis.motions, seen);
+}
+
+/// What a device with the fit's motions says of the weights, and what the pack says wrong about them.
+void read_again(const FitBasis& basis, std::vector<Series>& series, WeightFit& fit) {
+  TouchStage stage(*basis.model);
+  stage.use_tolerances(basis.force_tolerance, basis.touch_tolerance_mm, fit.values.noise_per_mm);
+  stage.explain_less_likely(std::numeric_limits<float>::infinity());
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    WeightHold& hold = fit.holds[i];
+    for (TouchReading& reading : series[i].readings) {
+      change_motions(fit.values, reading.poses);
+      const Touch touch = stage.locate(reading.poses);
+      if (touch.quality == Quality::kInvalid) continue;
+      reading.point_mm = touch.point_mm;
+      reading.force_n = static_cast<double>(touch.force_n);
+      reading.explained = touch.explained;
+      reading.plate_motion_mm = touch.plate_motion_mm;
+    }
+    summarise(series[i], hold);
+    const PressedPlace& place = basis.motions.holes[static_cast<std::size_t>(hold.hole - 1)];
+    hold.pack_error = pack_error(place, fit.motions.force_n[i], hold.truth_mm, stage);
+  }
+}
+
+void fit_motions(const FitBasis& basis, std::vector<Series>& series, WeightFit& fit) {
+  if (!basis.model) return;
+  fit.motions = motions_of(basis, series, fit.holds);
+  fit.values.motion_change = fit.motions.correction.cast<float>();
+  fit.values.noise_per_mm *= static_cast<float>(std::min(1.0, fit.motions.unlike / kNotFitted));
+  read_again(basis, series, fit);
 }
 
 /// Of a quantity over the face.
@@ -255,6 +304,9 @@ double unknown_sq(const FitBasis& basis, const FitValues& values, const Polynomi
   return sum;
 }
 
+/// How much less a fit may take for granted of a finger whose motions it did not explain.
+double wider(const WeightFit& fit) { return std::max(1.0, fit.motions.unlike / kWellFitted); }
+
 /// Of both offsets together, where the weights were.
 void fit_offsets(const FitBasis& basis, WeightFit& fit) {
   const std::vector<Terms> terms = terms_of(fit);
@@ -264,13 +316,14 @@ void fit_offsets(const FitBasis& basis, WeightFit& fit) {
     across.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(1))));
     along.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(2))));
   }
-  const Polynomial x = polynomial(kAcrossPrior_mm, kAcrossRest_mm, terms, across),
-                   y = polynomial(kAlongPrior_mm, kAlongRest_mm, terms, along);
+  const double across_rest_mm = wider(fit) * kAcrossRest_mm, along_rest_mm = wider(fit) * kAlongRest_mm;
+  const Polynomial x = polynomial(wider(fit) * kAcrossPrior_mm, across_rest_mm, terms, across),
+                   y = polynomial(wider(fit) * kAlongPrior_mm, along_rest_mm, terms, along);
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.across_mm.data()) = x.mean.cast<float>();
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.along_mm.data()) = y.mean.cast<float>();
   fit.values.touch_radius_mm =
       static_cast<float>(std::sqrt(unknown_sq(basis, fit.values, x) + unknown_sq(basis, fit.values, y) +
-                                   kAcrossRest_mm * kAcrossRest_mm + kAlongRest_mm * kAlongRest_mm));
+                                   across_rest_mm * across_rest_mm + along_rest_mm * along_rest_mm));
 }
 
 /// Each weight finds what the ones before have left in the finger.
@@ -286,18 +339,19 @@ void take_out_hysteresis(WeightFit& fit) {
 
 void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightFit& fit) {
   Terms prior;
-  prior << static_cast<double>(basis.force_tolerance), kForceSlopePrior;
+  prior << static_cast<double>(basis.force_tolerance), wider(fit) * kForceSlopePrior;
+  const double rest = wider(fit) * kForceRest;
   std::vector<double> scale;
   for (const WeightHold& hold : fit.holds) {
     scale.push_back(std::log(hold.elastic_n / hold.pack_force_n) - hold.pack_error.log_force);
   }
-  const Polynomial found = polynomial(prior, kForceRest, terms_of(fit), scale);
+  const Polynomial found = polynomial(prior, rest, terms_of(fit), scale);
   fit.values.force_scale = static_cast<float>(std::exp(found.mean[0]));
   fit.values.force_scale_sigma = static_cast<float>(std::sqrt(found.covariance(0, 0)));
   Eigen::Map<Vec3f>(fit.values.force_slope.data()) = found.mean.tail<3>().cast<float>();
   const double of_creep = creep ? std::min(creep->sigma, kUnknownCreep) : kUnknownCreep;
-  fit.values.force_sigma = static_cast<float>(std::sqrt(unknown_sq(basis, fit.values, found) + kForceRest * kForceRest +
-                                                        of_creep * of_creep + kHysteresis * kHysteresis));
+  fit.values.force_sigma = static_cast<float>(
+      std::sqrt(unknown_sq(basis, fit.values, found) + rest * rest + of_creep * of_creep + kHysteresis * kHysteresis));
 }
 
 void fit_explained(const FitBasis& basis, WeightFit& fit) {
@@ -342,7 +396,8 @@ void note_untold(const FitBasis& basis, const std::optional<Creep>& creep, Weigh
 FitBasis fit_basis(const FingerSpec& spec, const Model& model) {
   FitBasis basis;
   basis.holes = jig_holes(spec);
-  basis.pack_errors = pack_errors(spec, model, basis.holes);
+  basis.motions = motion_basis(spec, basis.holes);
+  basis.model = &model;
   basis.model_checksum = model.checksum;
   basis.face_axes = Eigen::Map<const Eigen::Matrix3f>(model.touch.face_axes.data());
   const double middle_mm = (spec.touch_y_mm[0] + spec.touch_y_mm[1]) / 2;
@@ -381,9 +436,13 @@ WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& re
     fit.values.creep_s = static_cast<float>(creep->after_s);
     fit.creep_share_sigma = creep->sigma;
   }
-  for (std::size_t i = 0; i < records.size(); ++i) fit.holds[i].pack_force_n = without_creep(series[i], creep);
+  const auto take_out_creep = [&] {
+    for (std::size_t i = 0; i < records.size(); ++i) fit.holds[i].pack_force_n = without_creep(series[i], creep);
+  };
+  take_out_creep();
   check_holds(basis, fit.holds);
-  ask_pack(basis, fit.holds);
+  fit_motions(basis, series, fit);
+  take_out_creep();
   take_out_hysteresis(fit);
   fit_offsets(basis, fit);
   fit_force(basis, creep, fit);

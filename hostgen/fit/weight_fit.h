@@ -6,6 +6,7 @@
 
 #include "firmware/loop/finger_fit.h"
 #include "hostgen/finger/jig_holes.h"
+#include "hostgen/fit/motion_fit.h"
 #include "hostgen/fit/pack_error.h"
 #include "hostgen/fit/touch_reading.h"
 
@@ -40,13 +41,15 @@ struct WeightFit {
   FitValues values;
   double creep_share_sigma = 0;
   std::vector<WeightHold> holds;
+  MotionFit motions;                ///< in the order of FitBasis::motions
   std::vector<std::string> untold;  ///< what the recordings do not tell, in words
 };
 
 /// What a fit needs to know of the finger that the pack was made for.
 struct FitBasis {
   std::vector<JigHole> holes;
-  std::vector<std::vector<PackError>> pack_errors;  ///< per hole
+  MotionBasis motions;
+  const Model* model = nullptr;  ///< reads motions again once they are fitted; null: they are not
   std::uint32_t model_checksum = 0;
   Eigen::Matrix3f face_axes = Eigen::Matrix3f::Identity();  ///< columns normal, across, along
   Vec3f face_middle_mm = Vec3f::Zero();
@@ -56,7 +59,7 @@ struct FitBasis {
   float noise_per_mm = 0;                             ///< see TouchModel
   float explained_above = 0;                          ///< log-odds below which the pack calls motions unexplained
 };
-/// Solves that finger by finite elements: see pack_errors().
+/// Solves that finger by finite elements: see motion_basis(). The model must outlive it.
 FitBasis fit_basis(const FingerSpec& spec, const Model& model);
 
 /// With what a device reads weights: it is not fitted, and takes whatever moves the plates for a touch.

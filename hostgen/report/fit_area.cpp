@@ -41,14 +41,15 @@ enum Variant : std::size_t {
   kWithoutScale,
   kWithoutCreep,
   kWithoutHysteresis,
+  kWithoutMotions,
   kWithoutOffset,
   kSmoothed,
   kZeroedAgain,
   kVariants
 };
 constexpr std::array<const char*, kVariants> kVariantNames = {
-    "before",         "after",    "without_scale", "without_creep", "without_hysteresis",
-    "without_offset", "smoothed", "zeroed_again"};
+    "before",          "after",          "without_scale", "without_creep", "without_hysteresis",
+    "without_motions", "without_offset", "smoothed",      "zeroed_again"};
 
 /// Errors of one finger, or of all.
 struct Errors {
@@ -249,6 +250,7 @@ std::vector<LoopSettings> variants_of(const FitValues& fit) {
   settings[kWithoutScale].fit->force_slope.fill(0);
   settings[kWithoutCreep].fit->creep_share = 0;
   settings[kWithoutHysteresis].fit->hysteresis = 0;
+  settings[kWithoutMotions].fit->motion_change.setZero();
   settings[kWithoutOffset].fit->across_mm.fill(0);
   settings[kWithoutOffset].fit->along_mm.fill(0);
   return settings;

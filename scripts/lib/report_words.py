@@ -94,7 +94,7 @@ CELLS = {
     "direction": "direction and size of the motion", "fine-tuned": "the pack's network, trained further",
     "simulation": "the pack's network as it is", "before": "before the fit", "after": "after the fit",
     "without_scale": "without the force scale", "without_creep": "without creep", "without_hysteresis": "without hysteresis",
-    "without_offset": "without the touch offset", "smoothed": "after, poses smoothed by 50 ms",
+    "without_motions": "without the change of motions", "without_offset": "without the touch offset", "smoothed": "after, poses smoothed by 50 ms",
     "zeroed_again": "after, zeroed after every touch",
     "alone": "nobody", "connect_hold": "connects and stays", "connect_reset": "connects and resets", "mute_64": "64 silent connections", "pipeline": "thousands of requests at once",
 }
@@ -230,7 +230,7 @@ SECTIONS = {
     "fit": {
         "title": "Fingers as a workshop makes them, before and after nine weights", "area": "fit",
         "code": ["hostgen/render/virtual_finger.h", "hostgen/fit/weight_fit.h"],
-        "tabled": ["before", "after", "without_scale", "without_creep", "without_hysteresis", "without_offset", "smoothed",
+        "tabled": ["before", "after", "without_scale", "without_creep", "without_hysteresis", "without_motions", "without_offset", "smoothed",
                    "zeroed_again"],
         "text": "Virtual fingers that no tuning has seen: walls, stiffness, markers, camera, lens, creep, hysteresis and "
                 "temperature drawn from the workshop's ranges, solved on a finer mesh than the pack's, and measured by the whole "

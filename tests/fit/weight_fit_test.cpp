@@ -2,10 +2,13 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "firmware/input_error.h"
 #include "hostgen/util/random.h"
+#include "tests/fem/box_mesh.h"
+#include "tests/model/tiny_model.h"
 
 using namespace finsight;
 using namespace finsight::host;
@@ -75,7 +78,7 @@ TEST_CASE("weight fit: scale, creep and offset come out of nine weights") {
   CHECK(std::abs(fit.values.across_mm[0]) < 0.1F);
   CHECK(fit.values.force_sigma < 0.08F);
   CHECK(fit.values.touch_radius_mm < 1.2F);
-  CHECK(fit.values.noise_per_mm == 0.25F);  // a fit moves and scales; its plates still move otherwise
+  CHECK(fit.values.noise_per_mm == 0.25F);  // without motions a fit moves and scales; its plates still move otherwise
   CHECK(fit.values.fitted_on == 9000);
   CHECK(fit.untold.empty());
   for (const WeightHold& hold : fit.holds) CHECK(std::abs(hold.force_error) < 0.02);
@@ -116,13 +119,63 @@ TEST_CASE("weight fit: a finger that is softer towards its tip than the pack has
   CHECK(force_scale_at(fit, Vec3f(0, 105, 0)) < 0.9F * force_scale_at(fit, Vec3f(0, 60, 0)));
 }
 
+namespace {
+
+/// Takes all motions for this touch of 1.5 N.
+Model always(const Vec3f& said_mm) {
+  test::TinyModel pack;
+  for (std::size_t i = 0; i < 3; ++i) {
+    std::ranges::fill(pack.weights[i], std::int8_t{0});
+    std::ranges::fill(pack.bias[i], 0.0F);
+  }
+  std::copy(said_mm.data(), said_mm.data() + 3, pack.output_mean.begin());
+  pack.output_mean[6] = 1.5F;
+  return pack.open();
+}
+
+/// Weights at nine holes of a finger at which each moves the plates so.
+std::vector<WeightRecord> nine_moving(const std::array<PlateMotion, kPlates>& plates) {
+  std::vector<WeightRecord> records = nine(Truth{});
+  for (WeightRecord& record : records) {
+    for (TouchReading& reading : record.readings) {
+      reading.poses = {.plates = plates, .quality = Quality::kFresh};
+      reading.poses.seen.fill(true);
+    }
+  }
+  return records;
+}
+
+}  // namespace
+
+TEST_CASE("weight fit: touches are read again with the fitted motions, by the pack that the device has") {
+  const Vec3f said_mm(3, 60, 0);
+  const Model model = always(said_mm);
+  FitBasis again = basis();
+  again.model = &model;
+  FingerStatics statics(test::small_finger_spec(), test::small_finger_mesh());
+  again.motions.holes.assign(9, PressedPlace(statics, Vec3f(0, 50, 0), 0));
+  std::array<PlateMotion, kPlates> plates;
+  plates.fill({Vec3f(0, 0, 4), Vec3f::Zero()});
+  for (const WeightHold& hold : fit_weights(again, nine_moving(plates), 9000).holds) {
+    CHECK((hold.point_mm - said_mm).norm() < 1e-3F);
+    CHECK(hold.pack_force_n < 1.51);
+  }
+}
+
 TEST_CASE("weight fit: what the pack does wrong on its own finger is not taken for the finger's") {
-  FitBasis errs = basis();
-  errs.pack_errors.assign(9, {{.pack_force_n = 1, .touch_mm = {0, 1, 0}, .log_force = 0.1},
-                              {.pack_force_n = 5, .touch_mm = {0, 1, 0}, .log_force = 0.1}});
-  const WeightFit fit = fit_weights(errs, nine({}), 9000);
-  CHECK(fit.values.along_mm[0] == doctest::Approx(0.5).epsilon(0.15));
-  CHECK(fit.values.force_scale == doctest::Approx(1.3 * std::exp(-0.1)).epsilon(0.02));
+  const Model model = always(Vec3f(3, 60, 0));
+  FitBasis again = basis();
+  again.model = &model;
+  FingerStatics statics(test::small_finger_spec(), test::small_finger_mesh());
+  const PressedPlace place(statics, Vec3f(0, 50, 0), 1);
+  again.motions.holes.assign(9, place);
+  const WeightFit fit = fit_weights(again, nine_moving(place.plates(0.9)), 9000);
+  CHECK(fit.values.noise_per_mm < 0.05F);  // they move as the pack's
+  CHECK(std::abs(fit.values.along_mm[0]) < 0.01F);
+  for (const WeightHold& hold : fit.holds) {
+    CHECK((hold.pack_error.touch_mm - (hold.point_mm - hold.truth_mm)).norm() < 1e-3F);
+    CHECK(hold.pack_error.log_force == doctest::Approx(std::log(0.9 / 1.5)).epsilon(0.01));
+  }
 }
 
 TEST_CASE("weight fit: what few weights do not tell is said and stays wide") {

@@ -130,3 +130,20 @@ TEST_CASE("finger fit: the touch's offset is taken off along the face") {
   CHECK(touch.point_mm.z() == doctest::Approx(-15 - 2 * 0.6));
   CHECK((touch.contact_mm - touch.point_mm - Vec3f(0, 0, 3)).norm() < 1e-4F);
 }
+
+TEST_CASE("finger fit: motions are changed by a linear function of themselves, and nothing else of the poses is") {
+  FitValues values;
+  values.motion_change(0, 3) = 2;  // a marker beside its place
+  values.motion_change(8, 8) = -0.5F;
+  PlatePoses poses;
+  poses.plates[0] = {Vec3f(1, 2, 3), Vec3f(0.1F, 0, 0)};
+  poses.plates[1].displacement_mm = Vec3f(0, 0, 4);
+  poses.quality = Quality::kFresh;
+  poses.noise = {1, 2, 3};
+  FingerFit(values).change_motions(poses);
+  CHECK(poses.plates[0].displacement_mm.isApprox(Vec3f(1.2F, 2, 3)));
+  CHECK(poses.plates[0].rotation_rad.isApprox(Vec3f(0.1F, 0, 0)));
+  CHECK(poses.plates[1].displacement_mm.isApprox(Vec3f(0, 0, 2)));
+  CHECK(poses.quality == Quality::kFresh);
+  CHECK(poses.noise[2] == 3);
+}

@@ -11,6 +11,20 @@
 using namespace finsight;
 using namespace finsight::test;
 
+TEST_CASE("loop: all that is told of a fitted finger is told of its changed motions") {
+  LoopSettings settings;
+  settings.fit.emplace();
+  Feeder usual(std::nullopt, settings);
+  settings.fit->motion_change.setIdentity();
+  settings.fit->motion_change *= 0.25F;
+  Feeder changed(std::nullopt, settings);
+  usual.step(touched(1.25F));
+  changed.step(touched());
+  CHECK(plate_motion_mm(changed.loop.view().poses.plates) ==
+        doctest::Approx(plate_motion_mm(usual.loop.view().poses.plates)));
+  CHECK(changed.loop.registers().words[5] == usual.loop.registers().words[5]);
+}
+
 TEST_CASE("loop: where the settings want it, the last values stay held after the hold time, with the fault") {
   LoopSettings settings = holding(101);
   settings.runtime[kAfterHold] = 1;

@@ -22,6 +22,8 @@ FitValues example() {
   fit.force_range_n = 6;
   fit.across_mm = {0.1F, -0.2F, 0, 0.05F};
   fit.along_mm = {1.1F, 0.3F, -0.4F, 0.5F};
+  fit.motion_change(0, 3) = 0.25F;
+  fit.motion_change(17, 16) = -0.0123F;
   fit.face_middle_mm = Vec3f(0, 60, -15);
   fit.face_half_mm = {23, 47};
   fit.touch_radius_mm = 0.6F;
@@ -56,6 +58,7 @@ TEST_CASE("measured fit: what was written is read again") {
   CHECK(fit.hysteresis == doctest::Approx(0.06));
   CHECK(fit.force_range_n == 6);
   CHECK(fit.along_mm == example().along_mm);
+  CHECK(fit.motion_change == example().motion_change);
   CHECK(fit.face_middle_mm == example().face_middle_mm);
   CHECK(fit.touch_radius_mm == doctest::Approx(0.6));
   CHECK(fit.noise_per_mm == 0.25F);
@@ -81,10 +84,20 @@ TEST_CASE("measured fit: each wrong value is refused by its name") {
   CHECK(refusal(replaced("hysteresis = 0.06", "hysteresis = 3")).find("hysteresis") != std::string::npos);
   CHECK(refusal(replaced("hysteresis = 0.06", "hysteresis = 0.2")).find("hysteresis") != std::string::npos);
   CHECK(refusal(replaced("along_mm = [1.1, ", "along_mm = [")).find("along_mm") != std::string::npos);
+  CHECK(refusal(replaced("motion_change = [0, ", "motion_change = [")).find("motion_change") != std::string::npos);
+  CHECK(refusal(replaced("0.25", "250")).find("motion_change") != std::string::npos);
   CHECK(refusal(measured_fit_toml(example()) + "speed = 1\n").find("speed") != std::string::npos);
 }
 
 TEST_CASE("measured fit: one made with another pack is refused") {
   CHECK_NOTHROW(check_fit(example(), 0x0123ABCD, "board.toml:3"));
   CHECK_THROWS_WITH_AS(check_fit(example(), 1, "board.toml:3"), doctest::Contains("fit the finger again"), InputError);
+}
+
+TEST_CASE("measured fit: without a change of motions they stay as they are") {
+  FitValues fit = example();
+  fit.motion_change.setZero();
+  const std::string text = measured_fit_toml(fit);
+  CHECK(text.find("motion_change") == std::string::npos);
+  CHECK(read_measured_fit(TomlTable::parse_text(text, "fit.toml")).motion_change.isZero(0));
 }
