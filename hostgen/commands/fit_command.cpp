@@ -91,7 +91,8 @@ void add_fit_command(CLI::App& app) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = app.add_subcommand(
       "fit",
-      "find force scale, creep, motions and touch offset of one finger from recordings of known weights at the holes of its "
+      "find force scale, creep, motions and touch offset of one finger from recordings of known weights at the holes "
+      "of its "
       "jig. "
       "Each begins with the untouched finger for two seconds; hold one weight in each row of holes for a minute to "
       "tell creep");
