@@ -20,7 +20,7 @@ constexpr double kCamera_deg = 0.9, kPrint = 0.01, kDepth = 0.01, kMarker_mm = 0
 
 constexpr double kBeyondRange = 1.5;  // a soft finger bends under a force as its pack's does under more
 constexpr double kOtherWall_mm = 0.3;
-constexpr int kLevels = 10, kFirstLevel = 2;
+constexpr int kWallLevels = 10, kFirstLevel = 2;
 
 // Up to which motions are alike: noise that remains in a mean, and what no deviation describes, as a share of how far
 // the plates move. Rotations of an arm of 80 mm.
@@ -69,24 +69,29 @@ std::vector<Deviation> of_camera_and_markers(const FingerSpec& spec) {
   const std::array<std::string, 3> axes = {"x", "y", "z"}, plates = {"top", "middle", "low"};
   std::vector<Deviation> found;
   for (int axis = 0; axis < 3; ++axis) {
-    Deviation& turned = found.emplace_back("camera turned about " + axes[static_cast<std::size_t>(axis)], "deg",
-                                           kCamera_deg, MotionChange::Zero());
+    Deviation turned{
+        .name = "camera turned about " + axes[static_cast<std::size_t>(axis)], .unit = "deg", .usual = kCamera_deg};
     const Eigen::Matrix3d per_deg = std::numbers::pi / 180 * cross(axis);
     for (int k = 0; k < 2 * kPlates; ++k) turned.change.block<3, 3>(3 * k, 3 * k) = per_deg;
+    found.push_back(turned);
   }
   const Eigen::Vector3d sight = spec.T_finger_camera.linear().col(2);
-  for (const bool all : {true, false}) {
-    Deviation& scaled = found.emplace_back(all ? "print too small" : "depth exaggerated", "%",
-                                           100 * (all ? kPrint : kDepth), MotionChange::Zero());
-    const Eigen::Matrix3d part = all ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : sight * sight.transpose();
-    for (int p = 0; p < kPlates; ++p) scaled.change.block<3, 3>(6 * p, 6 * p) = 0.01 * part;
+  Deviation print{.name = "print too small", .unit = "%", .usual = 100 * kPrint},
+      depth{.name = "depth exaggerated", .unit = "%", .usual = 100 * kDepth};
+  for (int p = 0; p < kPlates; ++p) {
+    print.change.block<3, 3>(6 * p, 6 * p) = 0.01 * Eigen::Matrix3d::Identity();
+    depth.change.block<3, 3>(6 * p, 6 * p) = 0.01 * sight * sight.transpose();
   }
+  found.push_back(print);
+  found.push_back(depth);
   for (int p = 0; p < kPlates; ++p) {
     for (int axis = 0; axis < 3; ++axis) {
-      Deviation& beside = found.emplace_back(
-          plates[static_cast<std::size_t>(p)] + " marker beside its place, " + axes[static_cast<std::size_t>(axis)],
-          "mm", kMarker_mm, MotionChange::Zero());
+      Deviation beside{.name = plates[static_cast<std::size_t>(p)] + " marker beside its place, " +
+                               axes[static_cast<std::size_t>(axis)],
+                       .unit = "mm",
+                       .usual = kMarker_mm};
       beside.change.block<3, 3>(6 * p, 6 * p + 3) = -cross(axis);
+      found.push_back(beside);
     }
   }
   return found;
@@ -103,8 +108,8 @@ MotionChange change_of(const std::vector<PressedPlace>& usual, std::span<const P
   MotionChange normal = ridge.cwiseAbs2().asDiagonal(), right = MotionChange::Zero();
   for (std::size_t hole = 0; hole < usual.size(); ++hole) {
     const double highest_n = std::min(usual[hole].highest_n(), other[hole].highest_n());
-    for (int level = kFirstLevel; level <= kLevels && highest_n > 0; ++level) {
-      const double force_n = highest_n * level / kLevels;
+    for (int level = kFirstLevel; level <= kWallLevels && highest_n > 0; ++level) {
+      const double force_n = highest_n * level / kWallLevels;
       const Numbers motion = usual[hole].motion(force_n);
       const BesidesForce besides(usual[hole], force_n);
       const Numbers changed = besides(other[hole].motion(force_n) - motion).cwiseProduct(besides.tolerance());

@@ -8,6 +8,7 @@
 #include "firmware/input_error.h"
 #include "firmware/touch/touch_stage.h"
 #include "hostgen/finger/spec.h"
+#include "hostgen/fit/creep_fit.h"
 #include "hostgen/util/gravity.h"
 #include "hostgen/util/statistics.h"
 
@@ -43,7 +44,7 @@ constexpr double kWrongForce = 0.35, kWrongPlace_mm = 9;
 /// The readings of a hold while its weight hung still.
 struct Series {
   std::vector<TouchReading> readings;
-  std::vector<double> after_s, force_n;
+  ForceSeries forces;
 };
 
 /// The longest touch: from its first reading to behind its last. Single frames of a touch may be unexplained, but no
@@ -69,12 +70,12 @@ const JigHole& hole_of(const FitBasis& basis, const WeightRecord& record) {
 }
 
 void summarise(Series& series, WeightHold& hold) {
-  series.force_n.clear();
+  series.forces.force_n.clear();
   hold.point_mm.setZero();
   hold.explained = std::numeric_limits<float>::infinity();
   hold.plate_motion_mm = 0;
   for (const TouchReading& reading : series.readings) {
-    series.force_n.push_back(reading.force_n);
+    series.forces.force_n.push_back(reading.force_n);
     hold.point_mm += reading.point_mm / static_cast<float>(series.readings.size());
     hold.explained = std::min(hold.explained, reading.explained);
     hold.plate_motion_mm = std::max(hold.plate_motion_mm, reading.plate_motion_mm);
@@ -94,7 +95,7 @@ WeightHold hold_of(const FitBasis& basis, const WeightRecord& record, Series& se
     const double after_s = reading.time_s - hold.began_s;
     if (!reading.is_valid || after_s < kSettling_s || after_s > hold.lasted_s - kSettling_s) continue;
     series.readings.push_back(reading);
-    series.after_s.push_back(after_s);
+    series.forces.after_s.push_back(after_s);
   }
   if (hold.lasted_s < kShortestHold_s) {
     throw InputError(record.name, "touched for", std::to_string(hold.lasted_s) + " s without a break",
@@ -102,93 +103,6 @@ WeightHold hold_of(const FitBasis& basis, const WeightRecord& record, Series& se
   }
   summarise(series, hold);
   return hold;
-}
-
-/// Share by which a constant force has bent the finger further after some time.
-double crept(double after_s, double creep_s) { return -std::expm1(-after_s / creep_s); }
-
-struct Creep {
-  double share = 0, after_s = 1, sigma = 0;
-};
-
-/// How well one creep explains all long holds: sum of squares of relative forces.
-double misfit(const std::vector<Series>& all, double share, double creep_s) {
-  double sum = 0;
-  for (const Series& series : all) {
-    double y = 0, yy = 0, mm = 0, ym = 0;
-    for (std::size_t i = 0; i < series.force_n.size(); ++i) {
-      const double model = 1 + share * crept(series.after_s[i], creep_s);
-      y += series.force_n[i];
-      yy += series.force_n[i] * series.force_n[i];
-      mm += model * model;
-      ym += series.force_n[i] * model;
-    }
-    const double mean = y / static_cast<double>(series.force_n.size());
-    sum += (yy - ym * ym / mm) / (mean * mean);
-  }
-  return sum;
-}
-
-// The best of a grid over both numbers, refined twice. Means over a second have independent noise, nearly.
-std::optional<Creep> creep_of(const std::vector<Series>& series, const std::vector<WeightHold>& holds) {
-  std::vector<Series> longs;
-  std::size_t readings = 0;
-  for (std::size_t h = 0; h < holds.size(); ++h) {
-    if (holds[h].lasted_s < kCreepHold_s) continue;
-    Series means;
-    double sum = 0, time = 0, from_s = 0;
-    int count = 0;
-    for (std::size_t i = 0; i < series[h].force_n.size(); ++i) {
-      if (count > 0 && series[h].after_s[i] >= from_s + 1) {
-        means.force_n.push_back(sum / count);
-        means.after_s.push_back(time / count);
-        sum = time = 0;
-        count = 0;
-      }
-      if (count == 0) from_s = series[h].after_s[i];
-      sum += series[h].force_n[i];
-      time += series[h].after_s[i];
-      ++count;
-    }
-    readings += means.force_n.size();
-    longs.push_back(std::move(means));
-  }
-  if (longs.empty()) return std::nullopt;
-  Creep best{.share = 0.1, .after_s = 20, .sigma = 0};
-  double least = std::numeric_limits<double>::infinity(), share_step = 0.1, time_step = 3;
-  constexpr int kSide = 10, kRounds = 6;
-  for (int round = 0; round < kRounds; ++round) {
-    const Creep middle = best;
-    for (int i = -kSide; i <= kSide; ++i) {
-      for (int j = -kSide; j <= kSide; ++j) {
-        const double share = std::max(0.0, middle.share + share_step * i / kSide);
-        const double after_s =
-            std::clamp(middle.after_s * std::pow(time_step, static_cast<double>(j) / kSide), 2.0, 90.0);
-        const double sum = misfit(longs, share, after_s);
-        if (sum < least) {
-          least = sum;
-          best = {.share = share, .after_s = after_s, .sigma = 0};
-        }
-      }
-    }
-    share_step /= 2;
-    time_step = std::sqrt(time_step);
-  }
-  const double variance = least / std::max<double>(1, static_cast<double>(readings) - 3);
-  constexpr double kStep = 0.01;
-  const double curvature = (misfit(longs, best.share + kStep, best.after_s) - least) / (kStep * kStep);
-  best.sigma = curvature > 0 ? std::sqrt(variance / curvature) : 1;
-  return best;
-}
-
-/// Force of the pack had the finger not crept.
-double without_creep(const Series& series, const std::optional<Creep>& creep) {
-  double sum = 0;
-  for (std::size_t i = 0; i < series.force_n.size(); ++i) {
-    const double more = creep ? 1 + creep->share * crept(series.after_s[i], creep->after_s) : 1;
-    sum += series.force_n[i] / more;
-  }
-  return sum / static_cast<double>(series.force_n.size());
 }
 
 std::string grams(double force_n) { return std::to_string(std::lround(force_n / weight_n(1))); }
@@ -224,10 +138,11 @@ void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
 MotionFit motions_of(const FitBasis& basis, const std::vector<Series>& series, const std::vector<WeightHold>& holds) {
   std::vector<SeenMotion> seen;
   for (std::size_t i = 0; i < holds.size(); ++i) {
-    SeenMotion& mean = seen.emplace_back(static_cast<std::size_t>(holds[i].hole - 1), PoseVectorOf<double>::Zero());
+    SeenMotion mean{static_cast<std::size_t>(holds[i].hole - 1), PoseVectorOf<double>::Zero()};
     for (const TouchReading& reading : series[i].readings) {
       mean.motion += pose_vector(reading.poses).cast<double>() / static_cast<double>(series[i].readings.size());
     }
+    seen.push_back(mean);
   }
   return fit_motions(basis.motions, seen);
 }
@@ -430,14 +345,19 @@ WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& re
   fit.values.face_half_mm = basis.face_half_mm;
   std::vector<Series> series(records.size());
   for (std::size_t i = 0; i < records.size(); ++i) fit.holds.push_back(hold_of(basis, records[i], series[i]));
-  const std::optional<Creep> creep = creep_of(series, fit.holds);
+  std::vector<ForceSeries> long_holds;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    if (fit.holds[i].lasted_s >= kCreepHold_s) long_holds.push_back(series[i].forces);
+  }
+  const std::optional<Creep> creep = fit_creep(long_holds);
   if (creep) {
     fit.values.creep_share = static_cast<float>(creep->share);
     fit.values.creep_s = static_cast<float>(creep->after_s);
     fit.creep_share_sigma = creep->sigma;
   }
   const auto take_out_creep = [&] {
-    for (std::size_t i = 0; i < records.size(); ++i) fit.holds[i].pack_force_n = without_creep(series[i], creep);
+    for (std::size_t i = 0; i < records.size(); ++i)
+      fit.holds[i].pack_force_n = mean_without_creep(series[i].forces, creep);
   };
   take_out_creep();
   check_holds(basis, fit.holds);

@@ -38,7 +38,7 @@ float motion_mm(const SessionTouches& touches) { return touches.readings.back().
 
 }  // namespace
 
-TEST_CASE("session touches: what an earlier touch has left in the finger is not taken for its rest") {
+TEST_CASE("session touches: what an earlier touch has left in the finger is not taken for its rest, unless it is far") {
   const test::ScratchFolder folder;
   const std::filesystem::path untouched = session(folder, "first", test::touched(0)),
                               again = session(folder, "again", test::touched(0.1F));
@@ -47,15 +47,7 @@ TEST_CASE("session touches: what an earlier touch has left in the finger is not 
   const SessionTouches shared = session_touches(again, test::model(), {}, first.zero);
   CHECK(motion_mm(shared) == doctest::Approx(motion_mm(first)).epsilon(0.01));
   CHECK(motion_mm(own) < 0.93F * motion_mm(first));
-}
-
-TEST_CASE("session touches: a finger that begins elsewhere is zeroed by itself") {
-  const test::ScratchFolder folder;
-  const std::filesystem::path untouched = session(folder, "first", test::touched(0)),
-                              moved = session(folder, "moved", test::touched(0.1F));
-  const SessionTouches first = session_touches(untouched, test::model(), {}, std::nullopt);
-  const SessionTouches own = session_touches(moved, test::model(), {}, std::nullopt);
-  const SessionTouches far = session_touches(moved, test::model(), {}, first.zero, 0.1F);
+  const SessionTouches far = session_touches(again, test::model(), {}, first.zero, 0.1F);
   CHECK(motion_mm(far) == motion_mm(own));
 }
 
