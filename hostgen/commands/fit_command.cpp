@@ -72,8 +72,11 @@ void run(const Options& options) {
     const ListedWeight& row = listed(weights, session, options.weights);
     records.push_back({.name = row.session, .hole = row.hole, .force_n = weight_n(row.mass_g), .readings = {}});
   }
-  std::vector<std::vector<TouchReading>> readings = device.readings(model, weighing(model.touch));
-  for (std::size_t i = 0; i < records.size(); ++i) records[i].readings = std::move(readings[i]);
+  std::vector<SessionTouches> touches = device.touches(model, weighing(model.touch));
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    records[i].readings = std::move(touches[i].readings);
+    records[i].left_mm = static_cast<double>(touches[i].left_mm);
+  }
   const FitBasis basis = fit_basis(spec, model);
   const WeightFit fit = fit_weights(basis, records, day);
   write_file_atomically(options.output, "# What one finger does otherwise than its pack, made by hostgen fit from " +

@@ -22,8 +22,7 @@ std::uint16_t FittedDevice::day() const {
   return day;
 }
 
-std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model,
-                                                              const std::optional<FitValues>& unnamed) const {
+std::vector<SessionTouches> FittedDevice::touches(const Model& model, const std::optional<FitValues>& unnamed) const {
   LoopSettings settings;
   settings.fit = unnamed;
   settings.smoothing_ms = smoothing_ms;
@@ -34,18 +33,17 @@ std::vector<std::vector<TouchReading>> FittedDevice::readings(const Model& model
     settings.fit = read_measured_fit(TomlTable::parse_file(fit));
     check_fit(*settings.fit, model.checksum, fit.string());
   }
-  std::vector<std::vector<TouchReading>> readings(sessions.size());
+  std::vector<SessionTouches> touches(sessions.size());
   Progress progress("recordings", sessions.size());
   std::optional<ZeroPose> first_zero;
   const auto read = [&](std::size_t i) {
-    SessionTouches touches = session_touches(sessions[i], model, settings, first_zero);
-    readings[i] = std::move(touches.readings);
+    touches[i] = session_touches(sessions[i], model, settings, first_zero);
     progress.advance();
-    return touches.zero;
   };
-  first_zero = read(0);  // the command line asks for one at least
+  read(0);  // the command line asks for one at least
+  first_zero = touches[0].zero;
   parallel_for(sessions.size() - 1, [&](std::size_t i) { read(i + 1); });
-  return readings;
+  return touches;
 }
 
 }  // namespace finsight::host

@@ -20,8 +20,7 @@ struct FittedDevice {
   /// With the mount and the fit that were named, or `unnamed`: of every session in its order, on all cores, with
   /// progress. The first one's zero serves all, see session_touches. Throws InputError if one of the files cannot be
   /// used, and as session_touches does.
-  std::vector<std::vector<TouchReading>> readings(const Model& model,
-                                                  const std::optional<FitValues>& unnamed = std::nullopt) const;
+  std::vector<SessionTouches> touches(const Model& model, const std::optional<FitValues>& unnamed = std::nullopt) const;
 };
 
 }  // namespace finsight::host

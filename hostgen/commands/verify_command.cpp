@@ -60,7 +60,8 @@ int run(const Options& options) {
   const std::vector<JigHole> holes = jig_holes(spec);
   const VerificationPlan plan = planned(read_plan(options.plan, static_cast<int>(holes.size())), options);
   const std::uint16_t day = device.day();
-  const std::vector<std::vector<TouchReading>> readings = device.readings(model);
+  std::vector<std::vector<TouchReading>> readings;
+  for (SessionTouches& touches : device.touches(model)) readings.push_back(std::move(touches.readings));
   const Verification verification = verify(plan, holes, readings);
   const nlohmann::json figures = verification_json(plan, verification, date_of(day));
   const std::string commands = device_commands(figures["settings"]);

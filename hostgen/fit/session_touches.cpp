@@ -69,7 +69,9 @@ SessionTouches session_touches(const std::filesystem::path& session, const Model
       throw InputError(session.string(), "does not begin with an untouched finger that stands still for a second");
     }
     touches.zero = *loop.zeroing().zero();
-    if (earlier && motion_between_mm(*earlier, touches.zero) < left_by_touches_mm) {
+    if (!earlier) continue;
+    touches.left_mm = motion_between_mm(*earlier, touches.zero);
+    if (touches.left_mm < left_by_touches_mm) {
       loop.zeroing().set_zero(touches.zero = *earlier);
     }
   }

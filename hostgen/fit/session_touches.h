@@ -15,6 +15,7 @@ std::string session_name(const std::filesystem::path& session);
 struct SessionTouches {
   std::vector<TouchReading> readings;  ///< one per frame, from the second second on
   ZeroPose zero;                       ///< that they are relative to
+  float left_mm = 0;                   ///< how far a plate stood from the earlier zero at the beginning, at most
 };
 
 /// Runs the firmware over a session that begins with the untouched finger. Its first second becomes the zero, unless

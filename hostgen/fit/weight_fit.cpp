@@ -37,6 +37,7 @@ constexpr float kUsualHysteresis = 0.065F;  // of polyurethane: widest gap, of t
 constexpr double kSettling_s = 0.5;  // after a weight was hung up, and before it is taken off
 constexpr double kShortestHold_s = 2, kShortestBreak_s = 0.9;
 constexpr double kCreepHold_s = 20;  // tells creep
+constexpr double kRested_mm = 0.06;  // from where it was before it was touched; the means of two zeros differ by 0.02
 // Elsewhere on the face a touch may be that much less like the pack's than at any hole (log-odds).
 constexpr float kLessThanAtHoles = 2;
 constexpr double kWrongForce = 0.35, kWrongPlace_mm = 9;
@@ -241,10 +242,12 @@ void fit_offsets(const FitBasis& basis, WeightFit& fit) {
                                    across_rest_mm * across_rest_mm + along_rest_mm * along_rest_mm));
 }
 
-/// Each weight finds what the ones before have left in the finger.
-void take_out_hysteresis(WeightFit& fit) {
+/// Each weight finds what the ones before have left in the finger, unless that has rested since.
+void take_out_hysteresis(const std::vector<WeightRecord>& records, WeightFit& fit) {
   Hysteresis material(fit.values);
-  for (WeightHold& hold : fit.holds) {
+  for (std::size_t i = 0; i < fit.holds.size(); ++i) {
+    WeightHold& hold = fit.holds[i];
+    if (records[i].left_mm.value_or(kRested_mm) < kRested_mm) material = Hysteresis(fit.values);
     const auto force_n = static_cast<float>(hold.force_n);
     hold.elastic_n = static_cast<double>(material.elastic_n(force_n));
     material.follow(force_n);
@@ -363,7 +366,7 @@ WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& re
   check_holds(basis, fit.holds);
   fit_motions(basis, series, fit);
   take_out_creep();
-  take_out_hysteresis(fit);
+  take_out_hysteresis(records, fit);
   fit_offsets(basis, fit);
   fit_force(basis, creep, fit);
   fit_explained(basis, fit);

@@ -1,6 +1,7 @@
 // Known weights at known holes of the jig -> what one finger does otherwise than its pack.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct WeightRecord {
   int hole = 0;        ///< number of the jig's hole
   double force_n = 0;  ///< of the weight
   std::vector<TouchReading> readings;
+  /// How far a plate stood from its untouched place when the recording began; nothing: not known.
+  std::optional<double> left_mm = std::nullopt;
 };
 
 /// What a recording shows while the weight hangs.

@@ -47,6 +47,8 @@ TEST_CASE("session touches: what an earlier touch has left in the finger is not 
   const SessionTouches shared = session_touches(again, test::model(), {}, first.zero);
   CHECK(motion_mm(shared) == doctest::Approx(motion_mm(first)).epsilon(0.01));
   CHECK(motion_mm(own) < 0.93F * motion_mm(first));
+  CHECK(first.left_mm == 0);
+  CHECK(shared.left_mm == doctest::Approx(0.52).epsilon(0.1));
   const SessionTouches far = session_touches(again, test::model(), {}, first.zero, 0.1F);
   CHECK(motion_mm(far) == motion_mm(own));
 }

@@ -201,6 +201,19 @@ TEST_CASE("weight fit: what a heavy weight has left in the finger is not taken f
   for (const WeightHold& hold : fit_weights(basis(), records, 9000).holds) CHECK(std::abs(hold.force_error) < 0.02);
 }
 
+TEST_CASE("weight fit: a finger that has rested since the last weight has forgotten it") {
+  Random random(5);
+  std::vector<WeightRecord> records;
+  for (const auto& [hole, force_n] : {std::pair{2, 6.0}, {5, 1.0}, {8, 1.0}}) {
+    Hysteresis material(kUsual);
+    records.push_back(record(hole, force_n, 30, {}, random, material));
+    records.back().left_mm = 0.02;
+  }
+  for (const WeightHold& hold : fit_weights(basis(), records, 9000).holds) CHECK(std::abs(hold.force_error) < 0.02);
+  for (WeightRecord& record : records) record.left_mm = 0.3;
+  CHECK(std::abs(fit_weights(basis(), records, 9000).holds[1].force_error) > 0.02);
+}
+
 TEST_CASE("weight fit: a finger that is unlike its pack lowers the limit of what is explained, another does not") {
   FitBasis limited = basis();
   limited.explained_above = -2;
