@@ -7,16 +7,6 @@
 
 namespace finsight {
 
-void change_motions(const FitValues& fit, PlatePoses& poses) {
-  PoseVector motion = pose_vector(poses);
-  motion += fit.motion_change * motion;
-  for (int p = 0; p < kPlates; ++p) {
-    PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];
-    plate.displacement_mm = motion.segment<3>(6 * p);
-    plate.rotation_rad = motion.segment<3>(6 * p + 3);
-  }
-}
-
 std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f& point_mm) {
   const float u = (point_mm.x() - fit.face_middle_mm.x()) / fit.face_half_mm[0];
   const float v = (point_mm.y() - fit.face_middle_mm.y()) / fit.face_half_mm[1];
@@ -81,6 +71,8 @@ float FingerFit::without_creep(float force_n, std::int64_t exposure_ns) {
   lagging_n_ += (force_n - lagging_n_) * static_cast<float>(-std::expm1(cycles));
   return force_n - fit_.creep_share / (1 + fit_.creep_share) * lagging_n_;
 }
+
+void FingerFit::change_motions(PlatePoses& poses) const { add_motion(fit_.motion_change * pose_vector(poses), poses); }
 
 void FingerFit::reset() {
   lagging_n_ = 0;

@@ -42,8 +42,6 @@ struct FitValues {
   float explained_lower = 0;
 };
 
-/// The poses with FitValues::motion_change.
-void change_motions(const FitValues& fit, PlatePoses& poses);
 /// 1, u, v and v^2 at a touch.
 std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f& point_mm);
 /// Force over what the pack says, at a touch.
@@ -75,8 +73,8 @@ class FingerFit {
  public:
   explicit FingerFit(const FitValues& fit) : fit_(fit), hysteresis_(fit) {}
 
-  /// Once per frame with fresh plates, before anything is told from them.
-  void change_motions(PlatePoses& poses) const { finsight::change_motions(fit_, poses); }
+  /// Applies FitValues::motion_change. Once per frame with fresh plates, before anything is told from them.
+  void change_motions(PlatePoses& poses) const;
   /// Once per frame with fresh plates: corrects the touch, if there is one. `face_axes`: columns normal, across, along.
   void apply(const Eigen::Matrix3f& face_axes, std::int64_t exposure_ns, Touch& touch);
   /// The finger is let go and was zeroed.

@@ -25,12 +25,7 @@ float GravityCorrection::apply(bool is_zeroed, PlatePoses& poses) const {
   if (!felt_g_ || (is_zeroed && !at_zero_g_)) return is_zeroed ? kUnknownSinceZero_g : kUnknown_g;
   const Vec3f before_g = is_zeroed ? *at_zero_g_ : Vec3f::Zero();
   const PoseVector at_zero = bend(PoseVector::Zero(), before_g);
-  const PoseVector motion = at_zero + bend(pose_vector(poses) + at_zero, -*felt_g_);
-  for (int p = 0; p < kPlates; ++p) {
-    PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];
-    plate.displacement_mm += motion.segment<3>(6 * p);
-    plate.rotation_rad += motion.segment<3>(6 * p + 3);
-  }
+  add_motion(at_zero + bend(pose_vector(poses) + at_zero, -*felt_g_), poses);
   if (is_fixed_ && is_zeroed) return 0;
   return (is_fixed_ ? 0 : kKnown_g) + kUntold_per_g * felt_g_->squaredNorm();
 }

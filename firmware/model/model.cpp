@@ -294,6 +294,14 @@ Model Model::open(const std::filesystem::path& path) {
   return model;
 }
 
+void add_motion(const PoseVector& motion, PlatePoses& poses) {
+  for (int p = 0; p < kPlates; ++p) {
+    PlateMotion& plate = poses.plates[static_cast<std::size_t>(p)];
+    plate.displacement_mm += motion.segment<3>(6 * p);
+    plate.rotation_rad += motion.segment<3>(6 * p + 3);
+  }
+}
+
 PlatePoses seen_poses(std::span<const float> numbers) {
   PlatePoses poses;
   for (std::size_t p = 0; p < kPlates; ++p) {

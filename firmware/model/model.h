@@ -235,6 +235,8 @@ std::uint32_t header_checksum(std::string_view header);
 
 /// The motions of all plates as a PoseVector, which is also the order in every tensor.
 PoseVector pose_vector(const PlatePoses& poses);
+/// Moves the plates further by `motion`, number by number.
+void add_motion(const PoseVector& motion, PlatePoses& poses);
 /// The inverse: all plates seen and fresh. numbers: [kPoseDims]
 PlatePoses seen_poses(std::span<const float> numbers);
 

@@ -1,6 +1,7 @@
 #include "hostgen/fit/motion_fit.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -123,11 +124,11 @@ MotionChange change_of(const std::vector<PressedPlace>& usual, std::span<const P
 
 double nearest_force_n(const PressedPlace& place, const Numbers& motion) {
   constexpr int kSteps = 400;
+  const Numbers tolerance = tolerance_of(motion);
   double nearest = std::numeric_limits<double>::infinity(), found_n = 0;
   for (int i = 1; i <= kSteps; ++i) {
     const double force_n = place.highest_n() * i / kSteps;
-    const Numbers pressed = place.motion(force_n);
-    const double distance = (motion - pressed).cwiseQuotient(tolerance_of(motion)).squaredNorm();
+    const double distance = (motion - place.motion(force_n)).cwiseQuotient(tolerance).squaredNorm();
     if (distance < nearest) {
       nearest = distance;
       found_n = force_n;
@@ -177,7 +178,7 @@ MotionFit fit_motions(const MotionBasis& basis, std::span<const SeenMotion> seen
   MotionFit fit;
   fit.force_n.resize(seen.size());
   for (int round = 0; round < kRounds; ++round) {
-    Eigen::MatrixXd normal = information.asDiagonal();
+    Eigen::MatrixXd of_weights = Eigen::MatrixXd::Zero(count, count);
     Eigen::VectorXd right = Eigen::VectorXd::Zero(count);
     double seen_sq = 0;
     Eigen::Index told = 0;
@@ -192,16 +193,15 @@ MotionFit fit_motions(const MotionBasis& basis, std::span<const SeenMotion> seen
         columns.col(k) = besides(basis.deviations[static_cast<std::size_t>(k)].change * pressed);
       }
       const Numbers off = besides(seen[i].motion - pressed);
-      normal += columns.transpose() * columns;
+      of_weights += columns.transpose() * columns;
       right += columns.transpose() * off;
       seen_sq += off.squaredNorm();
       told += kPoseDims - 1;
     }
-    const Eigen::MatrixXd covariance = normal.inverse();
+    const Eigen::MatrixXd covariance = (of_weights + Eigen::MatrixXd(information.asDiagonal())).inverse();
     const Eigen::VectorXd amount = covariance * right, sigma = covariance.diagonal().cwiseSqrt();
     fit.amount.assign(amount.begin(), amount.end());
     fit.sigma.assign(sigma.begin(), sigma.end());
-    const Eigen::MatrixXd of_weights = normal - Eigen::MatrixXd(information.asDiagonal());
     const double left_sq = seen_sq - 2 * amount.dot(right) + amount.dot(of_weights * amount);
     const double open_sq = (covariance * of_weights).trace();
     fit.unlike = told == 0 ? 0 : kUndescribed * std::sqrt((left_sq + open_sq) / static_cast<double>(told));

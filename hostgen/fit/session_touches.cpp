@@ -1,7 +1,5 @@
 #include "hostgen/fit/session_touches.h"
 
-#include <algorithm>
-
 #include "firmware/input_error.h"
 #include "firmware/modbus/register_table.h"
 #include "firmware/ports/camera.h"
@@ -12,11 +10,8 @@ namespace finsight::host {
 namespace {
 
 float motion_between_mm(const ZeroPose& before, const ZeroPose& now) {
-  float furthest_mm = 0;
-  for (std::size_t p = 0; p < kPlates; ++p) {
-    furthest_mm = std::max(furthest_mm, (now[p].displacement_mm - before[p].displacement_mm).norm());
-  }
-  return furthest_mm;
+  const PoseVector moved = pose_vector({.plates = now}) - pose_vector({.plates = before});
+  return plate_motion_mm(moved);
 }
 
 }  // namespace

@@ -150,13 +150,14 @@ MotionFit motions_of(const FitBasis& basis, const std::vector<Series>& series, c
 
 /// What a device with the fit's motions says of the weights, and what the pack says wrong about them.
 void read_again(const FitBasis& basis, std::vector<Series>& series, WeightFit& fit) {
+  const FingerFit device(fit.values);
   TouchStage stage(*basis.model);
   stage.use_tolerances(basis.force_tolerance, basis.touch_tolerance_mm, fit.values.noise_per_mm);
   stage.explain_less_likely(std::numeric_limits<float>::infinity());
   for (std::size_t i = 0; i < series.size(); ++i) {
     WeightHold& hold = fit.holds[i];
     for (TouchReading& reading : series[i].readings) {
-      change_motions(fit.values, reading.poses);
+      device.change_motions(reading.poses);
       const Touch touch = stage.locate(reading.poses);
       if (touch.quality == Quality::kInvalid) continue;
       reading.point_mm = touch.point_mm;
