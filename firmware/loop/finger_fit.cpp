@@ -7,6 +7,13 @@
 
 namespace finsight {
 
+namespace {
+
+/// Share of a change that a low-pass takes in `after_s`.
+float low_pass(float after_s, float time_constant_s) { return -std::expm1(-after_s / time_constant_s); }
+
+}  // namespace
+
 std::array<float, FitValues::kTerms> fit_terms(const FitValues& fit, const Vec3f& point_mm) {
   const float u = (point_mm.x() - fit.face_middle_mm.x()) / fit.face_half_mm[0];
   const float v = (point_mm.y() - fit.face_middle_mm.y()) / fit.face_half_mm[1];
@@ -61,31 +68,38 @@ void Hysteresis::zero() {
 // A standard linear solid: a constant force bends it like the elastic force f (1 + c (1 - exp(-t / T))). Solved for f,
 // that is the elastic force less a share c / (1 + c) of its low-pass with the time constant T / (1 + c). Without a
 // touch the elastic force counts as 0: what is left of it is below the threshold at which touches are published.
-float FingerFit::without_creep(float force_n, std::int64_t exposure_ns) {
-  constexpr double kSecondsPerNs = 1e-9;
+float FingerFit::without_creep(float force_n, float after_s) {
   if (fit_.creep_share <= 0) return force_n;
-  const float after_s =
-      last_ns_ == 0 ? 0 : static_cast<float>(kSecondsPerNs * static_cast<double>(exposure_ns - last_ns_));
-  last_ns_ = exposure_ns;
-  const double cycles = -static_cast<double>(std::max(after_s, 0.0F) * (1 + fit_.creep_share) / fit_.creep_s);
-  lagging_n_ += (force_n - lagging_n_) * static_cast<float>(-std::expm1(cycles));
+  lagging_n_ += (force_n - lagging_n_) * low_pass(after_s * (1 + fit_.creep_share), fit_.creep_s);
   return force_n - fit_.creep_share / (1 + fit_.creep_share) * lagging_n_;
+}
+
+// Around a force that stands still the inverted operator is steeper than an elastic one, so it would make the noise of
+// every frame larger: what it adds is told from the mean of the last frames.
+float FingerFit::of_hysteresis_n(float elastic_n, float after_s) {
+  constexpr float kMean_s = 0.1F;
+  steady_n_ += (elastic_n - steady_n_) * low_pass(after_s, kMean_s);
+  return hysteresis_.force_n(steady_n_) - steady_n_;
 }
 
 void FingerFit::change_motions(PlatePoses& poses) const { add_motion(fit_.motion_change * pose_vector(poses), poses); }
 
 void FingerFit::reset() {
   lagging_n_ = 0;
+  steady_n_ = 0;
   last_ns_ = 0;
   hysteresis_.zero();
 }
 
 void FingerFit::apply(const Eigen::Matrix3f& face_axes, std::int64_t exposure_ns, Touch& touch) {
+  constexpr double kSecondsPerNs = 1e-9;
+  const auto passed_ns = static_cast<double>(std::max<std::int64_t>(exposure_ns - last_ns_, 0));
+  const float after_s = last_ns_ == 0 ? 0 : static_cast<float>(kSecondsPerNs * passed_ns);
+  last_ns_ = exposure_ns;
   const bool is_touched = touch.quality != Quality::kInvalid && touch.force_n > 0;
   const float scale = force_scale_at(fit_, touch.point_mm);
-  const float elastic_n =
-      is_touched ? scale * without_creep(touch.force_n, exposure_ns) : without_creep(0, exposure_ns);
-  const float force_n = hysteresis_.force_n(elastic_n);
+  const float elastic_n = is_touched ? scale * without_creep(touch.force_n, after_s) : without_creep(0, after_s);
+  const float force_n = std::max(elastic_n + of_hysteresis_n(elastic_n, after_s), 0.0F);
   if (touch.quality == Quality::kInvalid) return;
   const float factor = is_touched ? std::max(force_n / touch.force_n, 0.0F) : scale;
   touch.force_n *= factor;

@@ -81,11 +81,13 @@ class FingerFit {
   void reset();
 
  private:
-  float without_creep(float force_n, std::int64_t exposure_ns);
+  float without_creep(float force_n, float after_s);
+  float of_hysteresis_n(float elastic_n, float after_s);
 
   FitValues fit_;
   Hysteresis hysteresis_;
-  float lagging_n_ = 0;  ///< low-pass of the force that bends an elastic finger so
+  float lagging_n_ = 0;  ///< low-pass of the force that bends an elastic finger so, by creep's time
+  float steady_n_ = 0;   ///< mean of the last frames' without creep
   std::int64_t last_ns_ = 0;
 };
 

@@ -30,8 +30,8 @@ constexpr double kFirm_mm = 4;  // plate motion from which on touches are counte
 
 // Poses smoothed by 50 ms, as a board file can ask for: they have settled when a reading of 0.2 s ends.
 constexpr double kSmoothing_ms = 50;
-constexpr int kFrames = 12;        // of a reading
-constexpr int kFramesAtRest = 60;  // until a smoothing device has forgotten the touch
+constexpr int kSmoothedFrames = 12;  // of a reading
+constexpr int kFramesAtRest = 60;    // until a smoothing device has forgotten the touch
 
 // The finger as its pack takes it, as fitted, with one part of the fit left out each, fitted with smoothed poses, and
 // zeroed after every touch instead of once.
@@ -93,7 +93,7 @@ struct Errors {
 /// A device at the bench.
 struct Watcher {
   VirtualDevice& device;
-  int frames = 1;                      ///< of a reading
+  int frames = 4;                      ///< of a reading, which is the last of them
   bool zeroes_before_touches = false;  ///< besides the zero when it was mounted
 };
 
@@ -276,7 +276,7 @@ FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBas
   plain.fit = smoothing.fit;
   VirtualDevice unfitted(model, spec, finger, {plain}, 2 * number),
       unfitted_smoothing(model, spec, finger, {smoothing}, 2 * number);
-  Bench at_fit(finger, {{unfitted}, {unfitted_smoothing, kFrames}}, spec);
+  Bench at_fit(finger, {{unfitted}, {unfitted_smoothing, kSmoothedFrames}}, spec);
   const std::vector<std::vector<WeightRecord>> records = weigh(places, basis, 2, at_fit);
   const auto fit = [&](const std::vector<WeightRecord>& weights, FitValues& values) -> std::string {
     try {
@@ -294,7 +294,7 @@ FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBas
   VirtualDevice devices(model, spec, finger, variants_of(result.fit), 2 * number + 1),
       smoothing_device(model, spec, finger, {smoothing}, 2 * number + 1),
       zeroed_again(model, spec, finger, {fitted}, 2 * number + 1);
-  Bench in_use(finger, {{devices}, {smoothing_device, kFrames}, {zeroed_again, 1, true}}, spec);
+  Bench in_use(finger, {{devices}, {smoothing_device, kSmoothedFrames}, {zeroed_again, 4, true}}, spec);
   Random random(number + 500);
   touch_elsewhere(places, random, in_use, result.errors);
   hold_for_a_minute(places, in_use, result.errors);

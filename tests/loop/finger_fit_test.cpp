@@ -114,6 +114,27 @@ TEST_CASE("finger fit: a force reads alike whether it grew or fell, of a materia
   CHECK(worst_n < 0.1F);
 }
 
+TEST_CASE("finger fit: a force that has turned round is not noisier for its hysteresis") {
+  FitValues values;
+  values.hysteresis = 0.1F;
+  values.force_range_n = 6;
+  Hysteresis material(values);
+  FingerFit fit(values);
+  float force_n = 0, from_n = 10, to_n = 0;
+  for (int frame = 1; frame <= 360; ++frame) {  // up to 4 N, back to 3.5 N within what the widest play lags, and there
+    force_n = frame <= 120 ? static_cast<float>(frame) / 30 : std::max(4 - static_cast<float>(frame - 120) / 60, 3.5F);
+    material.follow(force_n);
+    const bool stands = frame > 240;
+    Touch touch = touch_of(material.elastic_n(force_n) + (stands ? (frame % 2 == 0 ? 0.1F : -0.1F) : 0));
+    fit.apply(Eigen::Matrix3f::Identity(), frame * kFrame_ns, touch);
+    if (!stands) continue;
+    from_n = std::min(from_n, touch.force_n);
+    to_n = std::max(to_n, touch.force_n);
+  }
+  CHECK(to_n - from_n < 0.22F);
+  CHECK((from_n + to_n) / 2 == doctest::Approx(3.5).epsilon(0.01));
+}
+
 TEST_CASE("finger fit: the touch's offset is taken off along the face") {
   FitValues values;
   values.across_mm = {0.5F, 0, 0, 0};
