@@ -29,7 +29,7 @@ const Eigen::Vector3d kForceSlopePrior(0.02, 0.03, 0.03);
 constexpr double kForceRest = 0.02;
 // MotionFit::unlike: up to which those numbers hold, beyond which they grow; and at which plates move as on a finger
 // that is not fitted.
-constexpr double kWellFitted = 0.007, kNotFitted = 0.03;
+constexpr double kWellFitted = 0.007, kNotFitted = 0.034;
 constexpr double kUnknownCreep = 0.06;      // relative deviation of forces of unknown age
 constexpr double kHysteresis = 0.02;        // relative deviation of forces that grew or fell before
 constexpr float kUsualHysteresis = 0.065F;  // of polyurethane: widest gap, of the full force

@@ -23,7 +23,7 @@ using nlohmann::json;
 namespace {
 
 constexpr std::uint64_t kFirstFinger = 1;  // those from 1000 on were used to tune the fit
-constexpr double kReading_s = 0.2;
+constexpr double kReading_s = 0.2, kFrame_s = 1.0 / 60;
 constexpr double kRest_s = 120;  // between two touches
 constexpr double kLightest_n = 1, kHeaviest_n = 6;
 constexpr double kFirm_mm = 4;  // plate motion from which on touches are counted
@@ -118,14 +118,15 @@ class Bench {
       if (watcher.zeroes_before_touches) watcher.device.zero(plates);
     }
   }
-  /// Readings of all devices.
-  std::vector<TouchReading> press(const PressedPlace& place, double force_n) {
+  /// Readings of all devices after `for_s`.
+  std::vector<TouchReading> press(const PressedPlace& place, double force_n, double for_s = kReading_s) {
     last_ = &place;
-    const double as_n = memory_.bends_as_n(finger_.at_fit_temperature_n(force_n), kReading_s);
+    const double as_n = memory_.bends_as_n(finger_.at_fit_temperature_n(force_n), for_s);
     const std::array<PlateMotion, kPlates> plates = place.plates(as_n / stiffness_);
     std::vector<TouchReading> readings;
     for (const Watcher& watcher : watchers_) {
-      const std::vector<TouchReading> more = watcher.device.measure(plates, kReading_s, watcher.frames);
+      const int frames = std::min(watcher.frames, static_cast<int>(std::lround(for_s / kFrame_s)));
+      const std::vector<TouchReading> more = watcher.device.measure(plates, for_s, frames);
       readings.insert(readings.end(), more.begin(), more.end());
     }
     return readings;
@@ -218,27 +219,42 @@ void touch_elsewhere(const Places& places, Random& random, Bench& bench, AllErro
   }
 }
 
-/// A force that lasts for a minute, at two of the holes.
+/// What the devices say over two seconds: means of the valid frames, and the last readings.
+struct Average {
+  std::array<double, kVariants> force_n{};
+  std::vector<TouchReading> last;
+};
+
+Average average(const PressedPlace& place, double force_n, Bench& bench) {
+  constexpr int kAveraged = 120;
+  Average result;
+  std::array<int, kVariants> valid{};
+  for (int frame = 0; frame < kAveraged; ++frame) {
+    result.last = bench.press(place, force_n, kFrame_s);
+    for (std::size_t v = 0; v < kVariants; ++v) {
+      if (!result.last[v].is_valid) continue;
+      ++valid[v];
+      result.force_n[v] += (result.last[v].force_n - result.force_n[v]) / valid[v];
+    }
+  }
+  return result;
+}
+
+/// A force that lasts for a minute, at two of the holes: from one second after it came on.
 void hold_for_a_minute(const Places& places, Bench& bench, AllErrors& errors) {
+  constexpr int kBeforeFirst = 5, kBetween = 275;  // readings
   for (const std::size_t hole : {std::size_t{1}, places.holes.size() - 2}) {
     const PressedPlace& place = places.holes[hole];
     const double force_n = std::min(3.5, bench.strongest_n(place));
     bench.rest();
-    std::vector<TouchReading> first, last;
-    constexpr int kMinute = 300, kAveraged = 10;
-    std::array<double, kVariants> first_n{}, last_n{};
-    for (int i = 0; i < kMinute; ++i) {
-      last = bench.press(place, force_n);
-      if (i == 5) first = last;
-      for (std::size_t v = 0; v < kVariants; ++v) {
-        if (i >= 5 && i < 5 + kAveraged) first_n[v] += last[v].force_n / kAveraged;
-        if (i >= kMinute - kAveraged) last_n[v] += last[v].force_n / kAveraged;
-      }
-    }
+    for (int i = 0; i < kBeforeFirst; ++i) bench.press(place, force_n);
+    const Average first = average(place, force_n, bench);
+    for (int i = 0; i < kBetween; ++i) bench.press(place, force_n);
+    const Average last = average(place, force_n, bench);
     for (std::size_t v = 0; v < kVariants; ++v) {
-      if (!first[v].is_valid || !last[v].is_valid) continue;
-      errors[v].drift.push_back(std::abs(last_n[v] / first_n[v] - 1));
-      errors[v].drifts_inside += std::abs(last_n[v] - first_n[v]) <= last[v].force_sigma_n;
+      if (!first.last[v].is_valid || !last.last[v].is_valid) continue;
+      errors[v].drift.push_back(std::abs(last.force_n[v] / first.force_n[v] - 1));
+      errors[v].drifts_inside += std::abs(last.force_n[v] - first.force_n[v]) <= last.last[v].force_sigma_n;
     }
   }
 }
