@@ -101,7 +101,7 @@ void FingerFit::apply(const Eigen::Matrix3f& face_axes, std::int64_t exposure_ns
   const float elastic_n = is_touched ? scale * without_creep(touch.force_n, after_s) : without_creep(0, after_s);
   const float force_n = std::max(elastic_n + of_hysteresis_n(elastic_n, after_s), 0.0F);
   if (touch.quality == Quality::kInvalid) return;
-  const float factor = is_touched ? std::max(force_n / touch.force_n, 0.0F) : scale;
+  const float factor = is_touched ? force_n / touch.force_n : scale;
   touch.force_n *= factor;
   for (Vec3f* vector : {&touch.force_vector_n, &touch.wrench_force_n, &touch.moment_nm}) *vector *= factor;
   touch.force_sigma_n *= scale;

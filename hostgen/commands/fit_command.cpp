@@ -96,8 +96,7 @@ void add_fit_command(CLI::App& app) {
       "fit",
       "find force scale, creep, motions and touch offset of one finger from recordings of known weights at the holes "
       "of its jig. Each begins with the untouched finger for two seconds; hold one weight in each row of holes for a "
-      "minute to "
-      "tell creep");
+      "minute to tell creep");
   command->add_option("sessions", options->device.sessions, "session folders, one per weight; three to nine tell most")
       ->required();
   command->add_option("--weights", options->weights, "CSV: session,hole,mass_g")->required();

@@ -13,7 +13,6 @@ namespace {
 constexpr std::size_t kSmallPicture = 1;    // 640x480
 constexpr double kCornerScatter_px = 0.05;  // the spec's noise is that of such corners
 constexpr int kSteps = 4;
-constexpr double kFrame_s = 1.0 / 60;
 
 LoopSettings without_shape(LoopSettings settings) {
   settings.shape.tier = ShapeSettings::Tier::kMeasures;

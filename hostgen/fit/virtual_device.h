@@ -14,12 +14,14 @@ namespace finsight::host {
 /// At the start the mount is measured and the finger zeroed, as whoever mounts it does.
 class VirtualDevice {
  public:
+  static constexpr double kFrame_s = 1.0 / 60;
+
   /// `believed`: the spec that the pack was made from. All arguments but the settings must outlive this.
   VirtualDevice(const Model& model, const FingerSpec& believed, const VirtualFinger& finger,
                 const std::vector<LoopSettings>& settings, std::uint64_t seed);
 
-  /// Looks at plates for some frames, the last of them `after_s` after the last one before; a reading per setting, of
-  /// that frame.
+  /// Looks at plates for some frames, kFrame_s apart, the last of them `after_s` after the last one before; a reading
+  /// per setting, of that frame.
   std::vector<TouchReading> measure(const std::array<PlateMotion, kPlates>& plates, double after_s, int frames = 1);
   /// Takes the plates as they are for the finger at rest. False: that was refused.
   bool zero(const std::array<PlateMotion, kPlates>& plates);

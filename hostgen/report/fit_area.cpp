@@ -23,7 +23,7 @@ using nlohmann::json;
 namespace {
 
 constexpr std::uint64_t kFirstFinger = 1;  // those from 1000 on were used to tune the fit
-constexpr double kReading_s = 0.2, kFrame_s = 1.0 / 60;
+constexpr double kReading_s = 0.2;
 constexpr double kRest_s = 120;  // between two touches
 constexpr double kLightest_n = 1, kHeaviest_n = 6;
 constexpr double kFirm_mm = 4;  // plate motion from which on touches are counted
@@ -125,7 +125,7 @@ class Bench {
     const std::array<PlateMotion, kPlates> plates = place.plates(as_n / stiffness_);
     std::vector<TouchReading> readings;
     for (const Watcher& watcher : watchers_) {
-      const int frames = std::min(watcher.frames, static_cast<int>(std::lround(for_s / kFrame_s)));
+      const int frames = std::min(watcher.frames, static_cast<int>(std::lround(for_s / VirtualDevice::kFrame_s)));
       const std::vector<TouchReading> more = watcher.device.measure(plates, for_s, frames);
       readings.insert(readings.end(), more.begin(), more.end());
     }
@@ -230,7 +230,7 @@ Average average(const PressedPlace& place, double force_n, Bench& bench) {
   Average result;
   std::array<int, kVariants> valid{};
   for (int frame = 0; frame < kAveraged; ++frame) {
-    result.last = bench.press(place, force_n, kFrame_s);
+    result.last = bench.press(place, force_n, VirtualDevice::kFrame_s);
     for (std::size_t v = 0; v < kVariants; ++v) {
       if (!result.last[v].is_valid) continue;
       ++valid[v];
@@ -310,7 +310,9 @@ FingerResult run_finger(const Model& model, const FingerSpec& spec, const FitBas
   VirtualDevice devices(model, spec, finger, variants_of(result.fit), 2 * number + 1),
       smoothing_device(model, spec, finger, {smoothing}, 2 * number + 1),
       zeroed_again(model, spec, finger, {fitted}, 2 * number + 1);
-  Bench in_use(finger, {{devices}, {smoothing_device, kSmoothedFrames}, {zeroed_again, 4, true}}, spec);
+  Bench in_use(
+      finger, {{devices}, {smoothing_device, kSmoothedFrames}, {.device = zeroed_again, .zeroes_before_touches = true}},
+      spec);
   Random random(number + 500);
   touch_elsewhere(places, random, in_use, result.errors);
   hold_for_a_minute(places, in_use, result.errors);
