@@ -1,5 +1,7 @@
 #include "hostgen/fit/session_touches.h"
 
+#include <cmath>
+
 #include "firmware/input_error.h"
 #include "firmware/modbus/register_table.h"
 #include "firmware/ports/camera.h"
@@ -8,6 +10,8 @@
 namespace finsight::host {
 
 namespace {
+
+constexpr std::int64_t kFirstFrame_ns = 1'000'000'000;  // 0 stands for no frame
 
 float motion_between_mm(const ZeroPose& before, const ZeroPose& now) {
   const PoseVector moved = pose_vector({.plates = now}) - pose_vector({.plates = before});
@@ -54,8 +58,10 @@ SessionTouches session_touches(const std::filesystem::path& session, const Model
   Frame frame;
   for (std::int64_t number = 0; camera->next(frame, 0); ++number) {
     if (interrupted()) throw Interrupted();
-    loop.step(frame);
+    // The camera gives frames as fast as they are asked for; creep and swings take their time by the recording's clock.
     const double time_s = static_cast<double>(number) / info.frames_per_second;
+    frame.exposure_ns = kFirstFrame_ns + std::llround(1e9 * time_s);
+    loop.step(frame);
     if (is_zeroed) touches.readings.push_back(touch_reading(loop, time_s));
     const auto outcome = loop.zeroing().take_outcome();
     if (!outcome) continue;

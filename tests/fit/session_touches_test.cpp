@@ -53,6 +53,19 @@ TEST_CASE("session touches: what an earlier touch has left in the finger is not 
   CHECK(motion_mm(far) == motion_mm(own));
 }
 
+TEST_CASE("session touches: what takes its time does so by the recording's clock, however fast it is read") {
+  const test::ScratchFolder folder;
+  const std::filesystem::path path = session(folder, "first", test::touched(0));
+  LoopSettings creeping;
+  creeping.fit.emplace();
+  const double elastic_n = session_touches(path, test::model(), creeping, std::nullopt).readings.back().force_n;
+  creeping.fit->creep_share = 1;
+  creeping.fit->creep_s = 0.05F;
+  const double late_n = session_touches(path, test::model(), creeping, std::nullopt).readings.back().force_n;
+  // Six frames of 1/60 s with a time constant of 0.05 s / 2: all but a fiftieth of the creep is over.
+  CHECK(late_n == doctest::Approx(elastic_n / 2).epsilon(0.1));
+}
+
 TEST_CASE("session touches: a recording that begins with a touch is refused by its name") {
   const test::ScratchFolder folder;
   CHECK_THROWS_WITH_AS(session_touches(session(folder, "pressed", test::touched()), test::model(), {}, std::nullopt),
