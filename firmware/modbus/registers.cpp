@@ -124,7 +124,7 @@ std::optional<int> days_since_verification(const LoopState& state) {
 bool is_verification_due(const LoopState& state) {
   const int every = state.settings[kVerifyEvery];
   if (every == 0) return false;
-  return state.settings[kVerdict] != value_named("verdict", "passed") ||
+  return state.settings[kVerdict] != value_named("verdict", "passed") || state.settings[kVerifiedOn] == 0 ||
          days_since_verification(state).value_or(0) > every;
 }
 

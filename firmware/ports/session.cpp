@@ -122,10 +122,22 @@ SessionInfo read_session_info(const std::filesystem::path& folder) {
   return info;
 }
 
+namespace {
+
+std::string id_list(const std::array<int, kPlates>& ids) {
+  std::string text;
+  for (const int id : ids) text += (text.empty() ? "[" : ", ") + std::to_string(id);
+  return text + "]";
+}
+
+}  // namespace
+
 void check_markers(const SessionInfo& info, const std::filesystem::path& folder,
                    const std::array<int, kPlates>& marker_id, double marker_size_mm, const std::string& finger) {
   const std::string file = (folder / kSessionInfo).string();
-  if (info.marker_id != marker_id) throw InputError(file, "marker ids are not those of " + finger);
+  if (info.marker_id != marker_id) {
+    throw InputError(file, "markers.id", id_list(info.marker_id), id_list(marker_id) + " as in " + finger);
+  }
   if (std::abs(info.marker_size_mm - marker_size_mm) > 0.001 * marker_size_mm) {
     throw InputError(file, "markers.size_mm", shortest(info.marker_size_mm),
                      shortest(marker_size_mm) + " as in " + finger);

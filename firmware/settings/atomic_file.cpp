@@ -33,6 +33,17 @@ void sync(const std::filesystem::path& path, int flags) {
   if (result != 0 && errno != EINVAL) throw_errno(path, "cannot be synced");
 }
 
+/// Where a link leads, so that it stays one. Devices and pipes are never replaced.
+std::filesystem::path followed(std::filesystem::path file) {
+  std::error_code none;  // of a file that is not there yet
+  if (std::filesystem::is_symlink(file, none)) file = std::filesystem::weakly_canonical(file);
+  if (std::filesystem::exists(file, none) && !std::filesystem::is_regular_file(file, none)) {
+    errno = std::filesystem::is_directory(file, none) ? EISDIR : EINVAL;
+    throw_errno(file, "is no ordinary file, and is not replaced");
+  }
+  return file;
+}
+
 void write_all(int descriptor, std::string_view bytes, const std::filesystem::path& file) {
   while (!bytes.empty()) {
     const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
@@ -50,7 +61,7 @@ void rename_durably(const std::filesystem::path& from, const std::filesystem::pa
 }  // namespace
 
 AtomicFile::AtomicFile(std::filesystem::path file)
-    : file_(std::move(file)), temporary_(file_.string() + ".part" + std::to_string(getpid())) {
+    : file_(followed(std::move(file))), temporary_(file_.string() + ".part" + std::to_string(getpid())) {
   std::filesystem::create_directories(folder_of(file_));
   descriptor_ = ::open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
   if (descriptor_ < 0) fail("cannot be created");

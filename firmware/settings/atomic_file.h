@@ -13,7 +13,7 @@ namespace finsight {
 /// functions throw std::system_error naming the file.
 class AtomicFile {
  public:
-  /// Creates the folder if it is missing.
+  /// Creates the folder if it is missing. Writes the file that a link leads to; refuses what is no ordinary file.
   explicit AtomicFile(std::filesystem::path file);
   ~AtomicFile();  ///< removes what was not committed
   AtomicFile(const AtomicFile&) = delete;

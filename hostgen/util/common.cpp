@@ -110,13 +110,18 @@ void parallel_for(std::size_t count, const std::function<void(std::size_t)>& wor
 
 void check_writable(const std::filesystem::path& file, const std::vector<std::filesystem::path>& used) {
   for (const std::filesystem::path& input : used) {
-    std::error_code none;  // of a file that is not there
-    if (std::filesystem::equivalent(file, input, none) || weakly_canonical(file) == weakly_canonical(input)) {
+    std::error_code none;  // of a file that is not there, or a pipe that a shell gave
+    const std::filesystem::path here = weakly_canonical(file, none);
+    if (std::filesystem::equivalent(file, input, none) || (!here.empty() && here == weakly_canonical(input, none))) {
       throw InputError(file.string(), "would replace a file that this command also uses, expected another name");
     }
   }
   if (!file.has_filename() || std::filesystem::is_directory(file)) {
     throw InputError(file.string(), "is a folder, expected a file to write");
+  }
+  std::error_code none;
+  if (std::filesystem::exists(file, none) && !std::filesystem::is_regular_file(file, none)) {
+    throw InputError(file.string(), "is a device or a pipe, expected a file to write");
   }
   const std::filesystem::path probe = file.parent_path() / (".probe" + std::to_string(getpid()));
   try {

@@ -272,6 +272,7 @@ TEST_CASE("registers: a finger that was not verified in time is a warning, where
   CHECK(warnings(0, 0, 0, 9000) == kCameraSlow);
   CHECK(warnings(0, 0, 30, 9000) == (kCameraSlow | kNotVerified));
   CHECK(warnings(8990, kPassed, 30, 9000) == kCameraSlow);
+  CHECK(warnings(0, kPassed, 30, 9000) == (kCameraSlow | kNotVerified));  // passed, but nobody knows when
   CHECK(warnings(8990, kFailed, 30, 9000) == (kCameraSlow | kNotVerified));
   CHECK(warnings(8900, kPassed, 30, 9000) == (kCameraSlow | kNotVerified));
   CHECK(warnings(8990, kPassed, 30, 100) == kCameraSlow);  // a board whose clock was never set

@@ -1,6 +1,7 @@
 #include "firmware/settings/atomic_file.h"
 
 #include <doctest/doctest.h>
+#include <sys/stat.h>
 
 #include <cerrno>
 #include <fstream>
@@ -104,4 +105,17 @@ TEST_CASE("atomic file: a file that another program wrote is on the disk before 
   replace_file(from, to);
   CHECK(text_of(to) == "by gnuplot");
   CHECK_FALSE(std::filesystem::exists(from));
+}
+
+TEST_CASE("atomic file: writes where a link leads, and replaces no pipe") {
+  const test::ScratchFolder folder;
+  const auto file = folder.write("file", "old"), link = folder / "link", pipe = folder / "pipe";
+  std::filesystem::create_symlink("file", link);
+  write_file_atomically(link, "new");
+  CHECK(text_of(file) == "new");
+  CHECK(std::filesystem::is_symlink(link));
+  REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+  CHECK_THROWS_WITH_AS(write_file_atomically(pipe, "new"), doctest::Contains("pipe: is no ordinary file"),
+                       std::system_error);
+  CHECK(std::filesystem::is_fifo(pipe));
 }
