@@ -56,8 +56,10 @@ void add_mesh_command(CLI::App& app) {
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command->add_option("-o,--output", options->output, "file to write (.vtu)")->required();
   command
-      ->add_option("--size", options->size,
-                   "coarse, default, medium, fine or finest: about 1,700, 3,500, 6,000, 16,000 or 58,000 tetrahedra")
+      ->add_option(
+          "--size", options->size,
+          "coarse, default, medium, fine or finest: of a finger given by dimensions about 1,700, 3,500, 6,000, "
+          "16,000 or 58,000 tetrahedra; a surface of many triangles has more")
       ->check(CLI::IsMember(kMeshSizes));
   command->callback([options] { run(*options); });
 }

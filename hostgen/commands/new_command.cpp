@@ -6,6 +6,7 @@
 #include "firmware/input_error.h"
 #include "hostgen/calibrate/grey_image.h"
 #include "hostgen/commands/commands.h"
+#include "hostgen/finger/mesh.h"
 #include "hostgen/finger/spec.h"
 #include "hostgen/first_spec/camera_picture.h"
 #include "hostgen/first_spec/first_spec.h"
@@ -53,16 +54,32 @@ std::string picture_of(const FirstSpec& first) {
   return colour_png_bytes(lens.width_px, lens.height_px, rgb);
 }
 
+/// A refused surface is shown as it was read.
+FirstSpec propose_or_show(const Options& options) try {
+  return propose_spec(options.surface, options.output);
+} catch (const InputError&) {
+  std::filesystem::path shown = options.output;
+  shown.replace_extension(".vtu");
+  if (!std::filesystem::exists(shown)) {
+    try {
+      write_surface_vtu(shown, read_as_drawn(options.surface));
+      std::fprintf(stderr, "hostgen: %s shows the surface as it was read\n", shown.c_str());
+    } catch (const InputError&) {  // nothing could be read
+    }
+  }
+  throw;
+}
+
 void run(const Options& options) {
   check_extension(options.output, {".toml"});
   std::filesystem::path picture = options.output;
   picture.replace_extension(".png");
   for (const std::filesystem::path& file : {options.output, picture}) check_writable(file, {options.surface});
-  if (std::filesystem::exists(options.output)) {
-    throw InputError(options.output.string(),
-                     "is there already, expected a new name (a spec is written by hand from here on)");
+  for (const std::filesystem::path& file : {options.output, picture}) {
+    if (!std::filesystem::exists(file)) continue;
+    throw InputError(file.string(), "is there already, expected a new name (a spec is written by hand from here on)");
   }
-  const FirstSpec first = propose_spec(options.surface, options.output);
+  const FirstSpec first = propose_or_show(options);
   write_file_atomically(options.output, first.toml);
   write_file_atomically(picture, picture_of(first));
   std::printf("%s: a first spec, %zu of 3 plates found; %s: what its camera would see\n", options.output.c_str(),
@@ -81,10 +98,12 @@ void run(const Options& options) {
 
 void add_new_command(CLI::App& app) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("new",
-                                         "write a first spec for a surface from CAD, with base, front, touched part, "
-                                         "plates, markers and camera as its shape "
-                                         "suggests them, and beside it a picture of what the camera would see (.png)");
+  CLI::App* command =
+      app.add_subcommand("new",
+                         "write a first spec for a surface from CAD, with base, front, touched part, "
+                         "plates, markers and camera as its shape "
+                         "suggests them, and beside it a picture of what the camera would see (.png); of "
+                         "a surface that is refused, the surface for ParaView (.vtu)");
   command->add_option("surface", options->surface, "closed surface (.stl, .ply or .obj)")->required();
   command->add_option("-o,--output", options->output, "spec to write (.toml); nothing is written over")->required();
   command->callback([options] { run(*options); });

@@ -3,13 +3,17 @@
 #include <cstdio>
 #include <memory>
 
+#include "firmware/input_error.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/commands/mesh_report.h"
 #include "hostgen/probe/probe.h"
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
 namespace {
+
+constexpr double kLimit_s = 100;  // and the step that a place is at then
 
 struct Options {
   std::filesystem::path spec;
@@ -20,11 +24,22 @@ void run(const Options& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   const TetMesh mesh = make_mesh(spec, kMeshSizes.at(options.size));
   print_mesh(mesh);
-  const Probe probe = probe_finger(spec, mesh);
-  std::printf("probed in %.0f s; %.1f s of processor time per place, %.0f MB per thread for a factor\n\n%s\n",
-              probe.seconds, probe.place_cpu_s, probe.factor_mb, probe_text(probe).c_str());
-  check_worth_building(spec, probe);
-  std::printf("# proposed for %s\n%s", options.spec.c_str(), proposal_text(spec, probe).c_str());
+  const Probe probe = probe_finger(spec, mesh, kLimit_s, [](double factor_mb) {
+    std::printf("a factor of this mesh takes %.0f MB, one per thread (%zu); two minutes at most\n", factor_mb,
+                usable_cores());
+    std::fflush(stdout);
+  });
+  std::printf("probed in %.0f s; %.1f s of processor time per place\n\n%s\n", probe.seconds, probe.place_cpu_s,
+              probe_text(probe).c_str());
+  const std::string proposal = proposal_text(spec, probe);
+  std::printf("# proposed for %s\n%s", options.spec.c_str(), proposal.c_str());
+  std::fflush(stdout);
+  try {
+    check_worth_building(spec, probe);
+  } catch (const InputError& error) {
+    if (proposal.find("[touch]") == std::string::npos) throw;
+    std::printf("\n# needed: as it stands, %s\n", error.what());
+  }
 }
 
 }  // namespace

@@ -6,10 +6,13 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <iterator>
+#include <limits>
 #include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
+
+#include "hostgen/util/common.h"
 
 namespace finsight::host {
 
@@ -17,6 +20,7 @@ namespace {
 
 using Lists = std::vector<std::vector<int>>;
 
+constexpr int kMostForMinimumDegree = 50'000;
 constexpr int kLargestPart = 50;  // blocks; of 30, 50, 100, 200, 400 and 800 the best at 16,000 tetrahedra
 
 void check_neighbours(const Lists& neighbours) {
@@ -54,8 +58,8 @@ std::vector<int> minimum_degree(const Lists& neighbours) {
 // take part in its minimum degree. That saves 5 % of the factorisation's time at 16,000 tetrahedra.
 class Dissection {
  public:
-  Dissection(const Lists& neighbours, int seed, int cuts)
-      : neighbours_(neighbours), local_(neighbours.size(), -1), seed_(seed), cuts_(cuts) {
+  Dissection(const Lists& neighbours, int seed, int cuts, const CheckIn& check_in)
+      : neighbours_(neighbours), local_(neighbours.size(), -1), seed_(seed), cuts_(cuts), check_in_(check_in) {
     METIS_SetDefaultOptions(options_);
     options_[METIS_OPTION_UFACTOR] = 200;  // parts may differ by a fifth where that makes the cut small
     options_[METIS_OPTION_NSEPS] = 5;
@@ -68,6 +72,7 @@ class Dissection {
 
  private:
   void dissect(const std::vector<int>& blocks) {
+    check_in_();
     if (static_cast<int>(blocks.size()) <= kLargestPart) return append_by_degree(blocks);
     const std::vector<idx_t> side = cut(blocks);
     std::vector<int> parts[3];  // two sides and the separator
@@ -137,6 +142,7 @@ class Dissection {
   std::vector<int> local_;  // of each block: its number in the subgraph at hand, or -1
   std::vector<int> order_;
   int seed_, cuts_;
+  const CheckIn& check_in_;
   idx_t options_[METIS_NOPTIONS];
 };
 
@@ -147,12 +153,13 @@ struct SymbolicFactor {
 };
 
 // Column j of L has the rows of column j of A and those of all its children in the elimination tree, without j itself.
-SymbolicFactor eliminate(const Lists& neighbours, const std::vector<int>& order) {
+SymbolicFactor eliminate(const Lists& neighbours, const std::vector<int>& order, const CheckIn& check_in) {
   const int n = static_cast<int>(order.size());
   std::vector<int> position(n);
   for (int k = 0; k < n; ++k) position[order[k]] = k;
   SymbolicFactor factor{std::vector<int>(n, -1), Lists(n)};
   for (int j = 0; j < n; ++j) {
+    check_in();
     std::vector<int>& rows = factor.rows[j];  // holds what its children left here
     for (const int neighbour : neighbours[order[j]])
       if (position[neighbour] > j) rows.push_back(position[neighbour]);
@@ -184,7 +191,7 @@ double front_cost(double columns, double rows) {
 
 // Merges a child supernode into its parent wherever the zeros that this stores cost less time than a front of its own.
 // Returned by the last column of each supernode; supernodes that were merged into another are left without columns.
-std::vector<Supernode> merge_columns(SymbolicFactor factor) {
+std::vector<Supernode> merge_columns(SymbolicFactor factor, const CheckIn& check_in) {
   const int n = static_cast<int>(factor.parent.size());
   std::vector<Supernode> nodes(n);
   for (int j = 0; j < n; ++j) {
@@ -196,6 +203,7 @@ std::vector<Supernode> merge_columns(SymbolicFactor factor) {
     return front_cost(static_cast<double>(columns), static_cast<double>(rows));
   };
   for (int p = 0; p < n; ++p) {  // children come before parents, so a child has already taken in its own children
+    check_in();
     Supernode& parent = nodes[p];
     while (true) {
       double best_gain = 0;
@@ -244,7 +252,7 @@ std::vector<int> postorder(const std::vector<Supernode>& nodes) {
 // rows stand side by side, the longer the runs in which an update is added to its parent's front. So columns that the
 // same descendants hold come together: each next one is the nearest to the last, counted in descendants that hold only
 // one of the two. (Pichon et al. 2017, "Reordering strategy for blocking optimization in sparse linear solvers".)
-void gather_columns(std::vector<Supernode>& nodes, const std::vector<int>& sequence) {
+void gather_columns(std::vector<Supernode>& nodes, const std::vector<int>& sequence, const CheckIn& check_in) {
   Lists holders(nodes.size());  // of each column: the supernodes that have it among their rows, ascending
   for (std::size_t s = 0; s < sequence.size(); ++s) {
     for (const int row : nodes[sequence[s]].rows) holders[row].push_back(static_cast<int>(s));
@@ -256,6 +264,7 @@ void gather_columns(std::vector<Supernode>& nodes, const std::vector<int>& seque
     return differing.size();
   };
   for (const int node : sequence) {
+    check_in();
     std::vector<int>& columns = nodes[node].columns;
     const auto fewest = [&](int a, int b) { return holders[a].size() < holders[b].size(); };
     std::iter_swap(columns.begin(), std::min_element(columns.begin(), columns.end(), fewest));
@@ -276,8 +285,8 @@ struct Elimination {
   double cost;
 };
 
-Elimination eliminate_in(std::vector<int> order, const Lists& neighbours) {
-  std::vector<Supernode> nodes = merge_columns(eliminate(neighbours, order));
+Elimination eliminate_in(std::vector<int> order, const Lists& neighbours, const CheckIn& check_in) {
+  std::vector<Supernode> nodes = merge_columns(eliminate(neighbours, order, check_in), check_in);
   double cost = 0;
   for (const Supernode& node : nodes) {
     if (node.columns.empty()) continue;
@@ -287,11 +296,13 @@ Elimination eliminate_in(std::vector<int> order, const Lists& neighbours) {
 }
 
 // The cheapest of the orders tried.
-Elimination cheapest_elimination(const Lists& neighbours, int dissections, int cuts) {
-  Elimination best = eliminate_in(minimum_degree(neighbours), neighbours);
-  if (static_cast<int>(neighbours.size()) <= kLargestPart) return best;
+Elimination cheapest_elimination(const Lists& neighbours, int dissections, int cuts, const CheckIn& check_in) {
+  const auto blocks = static_cast<int>(neighbours.size());
+  Elimination best{.order = {}, .nodes = {}, .cost = std::numeric_limits<double>::infinity()};
+  if (blocks <= kMostForMinimumDegree) best = eliminate_in(minimum_degree(neighbours), neighbours, check_in);
+  if (blocks <= kLargestPart) return best;
   for (int seed = 1; seed <= dissections; ++seed) {
-    Elimination other = eliminate_in(Dissection(neighbours, seed, cuts).take_order(), neighbours);
+    Elimination other = eliminate_in(Dissection(neighbours, seed, cuts, check_in).take_order(), neighbours, check_in);
     if (other.cost < best.cost) best = std::move(other);
   }
   return best;
@@ -303,11 +314,16 @@ CholeskyPlan CholeskyPlanData::view() const {
   return {blocks, order, pattern_start, pattern_row, supernode_start, rows_start, rows};
 }
 
-CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours, int dissections, int cuts) {
+CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours, int dissections, int cuts,
+                               const CheckIn& own_check_in) {
+  const CheckIn by_ctrl_c = [] {
+    if (interrupted()) throw Interrupted();
+  };
+  const CheckIn& check_in = own_check_in ? own_check_in : by_ctrl_c;
   check_neighbours(neighbours);
-  auto [first_order, nodes, cost] = cheapest_elimination(neighbours, dissections, cuts);
+  auto [first_order, nodes, cost] = cheapest_elimination(neighbours, dissections, cuts, check_in);
   const std::vector<int> sequence = postorder(nodes);
-  gather_columns(nodes, sequence);
+  gather_columns(nodes, sequence, check_in);
 
   // Number the columns as their supernodes come, then express everything in these final positions.
   const int n = static_cast<int>(neighbours.size());

@@ -1,6 +1,7 @@
 // Symbolic analysis of a block-sparse symmetric matrix: elimination order, supernodes, rows of the factor.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "firmware/model/model.h"
@@ -21,10 +22,15 @@ inline constexpr int kDissections = 8;
 /// tetrahedra than with one.
 inline constexpr int kCuts = 4;
 
+/// Is asked between the parts of long work, and ends it by throwing.
+using CheckIn = std::function<void()>;
+
 /// `neighbours[i]`: the blocks coupled with block i, ascending, without i itself; symmetric. The cheapest of minimum
 /// degree (Eigen's AMD) and `dissections` nested dissections (METIS) with `cuts` tried of each part, postordered,
-/// supernodes relaxed where merging pays.
+/// supernodes relaxed where merging pays. Of more than 50,000 blocks minimum degree is not tried: in solids it is far
+/// from the cheapest, and its factor's pattern alone would take gigabytes. Without a `check_in` Ctrl-C throws
+/// Interrupted.
 CholeskyPlanData plan_cholesky(const std::vector<std::vector<int>>& neighbours, int dissections = kDissections,
-                               int cuts = kCuts);
+                               int cuts = kCuts, const CheckIn& check_in = {});
 
 }  // namespace finsight::host

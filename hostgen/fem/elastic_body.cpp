@@ -143,13 +143,13 @@ void ElasticBody::Batch::deform(const Pack (&u)[kTetNodes][3], std::size_t g, Ne
   state.evaluate();
 }
 
-ElasticBody::ElasticBody(const QuadraticMesh& mesh, const std::vector<NeoHookean>& material) {
+ElasticBody::ElasticBody(const QuadraticMesh& mesh, const std::vector<NeoHookean>& material, const CheckIn& check_in) {
   assert(material.size() == mesh.tets.size());
   plan_.blocks = static_cast<int>(std::count(mesh.fixed.begin(), mesh.fixed.end(), 0));
   int next = 0;
   for (const std::uint8_t fixed : mesh.fixed) unknown_of_node_.push_back(fixed ? plan_.blocks : next++);
   // Many bodies are solved some hundred times only: more orders would take longer than the best of them saves.
-  plan_ = plan_cholesky(neighbours_of_free_nodes(mesh), 1, 1);
+  plan_ = plan_cholesky(neighbours_of_free_nodes(mesh), 1, 1, check_in);
 
   std::vector<int> position(static_cast<std::size_t>(plan_.blocks) + 1, plan_.blocks);  // of the fixed nodes: last
   for (int p = 0; p < plan_.blocks; ++p)

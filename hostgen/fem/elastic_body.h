@@ -16,8 +16,8 @@ namespace finsight::host {
 /// nodes, whose displacement must be zero and whose force means nothing.
 class ElasticBody {
  public:
-  /// `material`: one per tet.
-  ElasticBody(const QuadraticMesh& mesh, const std::vector<NeoHookean>& material);
+  /// `material`: one per tet. `check_in`: see plan_cholesky().
+  ElasticBody(const QuadraticMesh& mesh, const std::vector<NeoHookean>& material, const CheckIn& check_in = {});
   ~ElasticBody();
 
   int free_nodes() const { return plan_.blocks; }

@@ -46,8 +46,11 @@ std::vector<NeoHookean> tet_materials(const FingerSpec& spec, const std::vector<
   return material;
 }
 
-PushedFinger::PushedFinger(const FingerSpec& finger, const TetMesh& tets, Element element)
-    : spec(finger), mesh(make_quadratic(tets, element)), body(mesh, tet_materials(finger, mesh.region)), rest(body) {}
+PushedFinger::PushedFinger(const FingerSpec& finger, const TetMesh& tets, Element element, const CheckIn& check_in)
+    : spec(finger),
+      mesh(make_quadratic(tets, element)),
+      body(mesh, tet_materials(finger, mesh.region), check_in),
+      rest(body) {}
 
 std::vector<FacePoint> PushedFinger::spread_points(int count) const {
   std::vector<FacePoint> points;

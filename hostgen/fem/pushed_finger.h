@@ -28,7 +28,9 @@ class PushedFinger {
   /// A vector of the ElasticBody.
   using BodyVector = std::vector<double>;
 
-  PushedFinger(const FingerSpec& spec, const TetMesh& mesh, Element element = Element::kSelective);
+  /// `check_in`: see plan_cholesky().
+  PushedFinger(const FingerSpec& spec, const TetMesh& mesh, Element element = Element::kSelective,
+               const CheckIn& check_in = {});
 
   const FingerSpec spec;
   const QuadraticMesh mesh;

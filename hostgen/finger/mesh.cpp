@@ -179,7 +179,7 @@ TetgenOutput filled(const FingerSpec& spec, const std::string& poly, MeshSize si
   if (!spec.surface) throw;
   throw std::runtime_error(std::string(error.what()) + "\n" + spec.surface_file.string() + ": " +
                            hardness_text(spec.surface->surface) +
-                           "; surface.simplify_mm = 0.1 takes out what the surface hardly needs");
+                           "; surface.simplify_mm (0.1, or more) takes out what the surface hardly needs");
 }
 
 }  // namespace
@@ -232,9 +232,8 @@ std::string mesh_advice(const TetMesh& mesh) {
   }
   if (!places.empty()) text << "\n";
   if (!places.empty() || mesh.tets.size() > kMany) {
-    text << "slivers and short edges of the surface make many and bad tets: surface.simplify_mm = 0.1 takes out what "
-            "the "
-            "surface hardly needs\n";
+    text << "slivers and short edges of the surface make many and bad tets: surface.simplify_mm (0.1, or more) takes "
+            "out what the surface hardly needs\n";
   }
   return text.str();
 }

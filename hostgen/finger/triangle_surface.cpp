@@ -6,6 +6,8 @@
 #include <assimp/Importer.hpp>
 #include <cctype>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 #include <map>
 #include <sstream>
@@ -46,6 +48,22 @@ class Points {
   std::map<Cell, std::vector<int>> number_;
 };
 
+/// A binary STL says how many triangles it has.
+void check_stl_is_whole(const std::string& bytes, const std::filesystem::path& file) {
+  constexpr std::size_t kHeader = 80, kCount = 4, kTriangle = 50;
+  if (bytes.starts_with("solid")) return;
+  if (bytes.size() < kHeader + kCount) {
+    throw InputError(file.string(), "size", std::to_string(bytes.size()) + " bytes",
+                     "84 or more (binary), or a text that begins with \"solid\"");
+  }
+  std::uint32_t triangles = 0;
+  std::memcpy(&triangles, bytes.data() + kHeader, kCount);
+  const std::size_t whole = kHeader + kCount + kTriangle * triangles;
+  if (bytes.size() >= whole) return;
+  throw InputError(file.string(), "size", std::to_string(bytes.size()) + " bytes",
+                   std::to_string(whole) + " for its " + std::to_string(triangles) + " triangles");
+}
+
 }  // namespace
 
 std::string place_text(const Eigen::Vector3d& at_mm) {
@@ -61,6 +79,7 @@ TriangleSurface read_triangles(const std::filesystem::path& file, double unit_mm
     throw InputError(file.string(), "extension", "'" + extension + "'", ".stl, .ply or .obj");
   }
   const std::string bytes = read_file(file);
+  if (extension == ".stl") check_stl_is_whole(bytes, file);
   Assimp::Importer importer;
   const aiScene* scene = importer.ReadFileFromMemory(bytes.data(), bytes.size(), 0, extension.c_str() + 1);
   if (!scene)

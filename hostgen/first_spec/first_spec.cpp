@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <sstream>
 
 #include "firmware/input_error.h"
@@ -29,12 +30,20 @@ struct Unit {
   double mm;
 };
 
-/// The first that gives a usual finger.
-Unit guess_unit(double largest) {
-  for (const Unit unit : {Unit{"mm", 1}, Unit{"m", 1000}, Unit{"inch", 25.4}, Unit{"cm", 10}}) {
-    if (largest * unit.mm >= 30 && largest * unit.mm <= 400) return unit;
+/// Those that give a usual finger, millimetres and metres before others, then the most usual.
+std::vector<Unit> possible_units(double largest) {
+  constexpr double kUsual_mm = 100;
+  std::vector<Unit> units;
+  for (const Unit unit : {Unit{"mm", 1}, Unit{"m", 1000}, Unit{"cm", 10}, Unit{"inch", 25.4}}) {
+    if (largest * unit.mm >= 30 && largest * unit.mm <= 400) units.push_back(unit);
   }
-  return {"mm", 1};
+  const auto away = [&](const Unit& unit) {
+    const bool is_metric = unit.mm == 1 || unit.mm == 1000;
+    return is_metric ? 0 : std::abs(std::log(largest * unit.mm / kUsual_mm));
+  };
+  std::ranges::stable_sort(units, {}, away);
+  if (units.empty()) units.push_back({"mm", 1});
+  return units;
 }
 
 /// What an end's cross-section takes up: that of the points near it.
@@ -162,6 +171,22 @@ std::string number(double value) {
   text << std::round(100 * value) / 100;
   return text.str();
 }
+/// A TOML basic string.
+std::string quoted(const std::string& name) {
+  std::string text = "\"";
+  for (const char c : name) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f) {
+      char escape[8];
+      std::snprintf(escape, sizeof escape, "\\u%04X", code);
+      text += escape;
+      continue;
+    }
+    if (c == '"' || c == '\\') text += '\\';
+    text += c;
+  }
+  return text + "\"";
+}
 std::string triple(const Vector3d& v) {
   std::ostringstream text;
   text << "[" << number(v.x()) << ", " << number(v.y()) << ", " << number(v.z()) << "]";
@@ -217,9 +242,9 @@ std::string plates_text(const FirstSpec& first) {
 std::string spec_text(const FirstSpec& first, const std::filesystem::path& file, const TouchGuess& touch) {
   const SurfaceSource& source = first.finger.source;
   std::string text =
-      "# Written by hostgen new from " + file.filename().string() + ". Guessed from the shape alone: check it.\n";
+      "# Written by hostgen new from " + quoted(file.filename()) + ". Guessed from the shape alone: check it.\n";
   for (const std::string& note : first.notes) text += "# NOTE: " + note + "\n";
-  text += "name = \"" + file.stem().string() + "\"\n\n[surface]\nfile = \"" + source.file.string() + "\"\nunits = \"" +
+  text += "name = " + quoted(file.stem()) + "\n\n[surface]\nfile = " + quoted(source.file) + "\nunits = \"" +
           source.units + "\"\naxes = [" + axis_name(source.R_finger_file.row(0)) + ", " +
           axis_name(source.R_finger_file.row(1)) + ", " + axis_name(source.R_finger_file.row(2)) +
           "]   # the file's axes along finger x (across), y (up from the base), z (into the finger)\norigin_mm = " +
@@ -238,6 +263,18 @@ std::string spec_text(const FirstSpec& first, const std::filesystem::path& file,
           number(touch.half_width_mm[0]) + ", " + number(touch.half_width_mm[1]) +
           "]\nforce_n = [0.5, 5]\nthreshold_mm = 1\nrated_deformation_mm = 4\n";
   return text;
+}
+
+void note_other_units(const TriangleSurface& surface, const std::string& units, std::vector<std::string>& notes) {
+  const double long_mm = bounds_of(surface).sizes().maxCoeff();
+  for (const Unit& own : {Unit{"mm", 1}, Unit{"m", 1000}, Unit{"cm", 10}, Unit{"inch", 25.4}}) {
+    if (units != own.name) continue;
+    for (const Unit& other : possible_units(long_mm / own.mm)) {
+      if (units == other.name || own.mm == 1) continue;
+      notes.push_back("the finger is " + number(long_mm) + " mm long if the file's numbers are " + units + ", and " +
+                      number(long_mm / own.mm * other.mm) + " mm if they are " + other.name + ": check surface.units");
+    }
+  }
 }
 
 /// A triangle is a sliver if its height is a small part of its longest side.
@@ -289,15 +326,24 @@ void guess_camera_and_markers(FirstSpec& first) {
 
 }  // namespace
 
+SurfaceFinger read_as_drawn(const std::filesystem::path& surface_file) {
+  SurfaceFinger finger;
+  finger.surface = read_triangles(surface_file, 1);
+  const Unit unit = possible_units(bounds_of(finger.surface).sizes().maxCoeff()).front();
+  if (unit.mm != 1) finger.surface = read_triangles(surface_file, unit.mm);
+  finger.source.units = unit.name;
+  finger.source.file = surface_file;
+  return finger;
+}
+
 FirstSpec propose_spec(const std::filesystem::path& surface_file, const std::filesystem::path& spec_file) {
   constexpr double kMargin_mm = 1, kSimplify_mm = 0.05;
   FirstSpec first;
+  first.finger = read_as_drawn(surface_file);
   SurfaceSource& source = first.finger.source;
-  TriangleSurface surface = read_triangles(surface_file, 1);
-  const Unit unit = guess_unit(bounds_of(surface).sizes().maxCoeff());
-  if (unit.mm != 1) surface = read_triangles(surface_file, unit.mm);
+  TriangleSurface surface = std::move(first.finger.surface);
   check_bounds_a_solid(surface, surface_file.string());
-  source.units = unit.name;
+  note_other_units(surface, source.units, first.notes);
   source.file = std::filesystem::relative(surface_file, std::filesystem::absolute(spec_file).parent_path());
   if (has_slivers(surface)) {
     source.simplify_mm = kSimplify_mm;

@@ -19,6 +19,10 @@ struct FirstSpec {
   std::vector<std::string> notes;                       ///< what was guessed and how sure it is, and what is missing
 };
 
+/// The surface as it lies in its file, in the units that give a usual finger; unchecked. Throws InputError if the file
+/// cannot be read.
+SurfaceFinger read_as_drawn(const std::filesystem::path& surface_file);
+
 /// The finger stands along the surface's longest side, on the wider of its two ends; its front is the largest face that
 /// looks to one side; plates are level undersides with room for a marker that a camera below the base sees. `spec_file`
 /// is where the TOML will be written: it names the surface relative to that. Throws InputError if the file cannot be

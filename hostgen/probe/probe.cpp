@@ -17,7 +17,10 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kBetween = 2;  // pushes between the last that was borne and the first that was not
+constexpr int kBetween = 2;           // pushes between the last that was borne and the first that was not
+constexpr double kFirstPush = 0.125;  // of the highest: what is far too strong takes long to fail
+
+struct TimeOver {};
 
 class Prober {
  public:
@@ -25,11 +28,15 @@ class Prober {
       : mesh_(mesh),
         full_n_(spec.force_n[1]),
         deadline_(std::chrono::steady_clock::now() + std::chrono::milliseconds(std::lround(1000 * limit_s))),
-        finger_(std::make_shared<const PushedFinger>(spec, mesh)) {}
+        finger_(std::make_shared<const PushedFinger>(spec, mesh, Element::kSelective, [this] {
+          if (interrupted()) throw Interrupted();
+          if (std::chrono::steady_clock::now() > deadline_) throw TimeOver();
+        })) {}
 
   const PushedFinger& finger() const { return *finger_; }
 
   void push(ProbedPlace& place) {
+    if (over(place)) return;
     FingerStatics statics(finger_);
     statics.give_up_at(deadline_);
     FaceContact contact;
@@ -37,7 +44,7 @@ class Prober {
     statics.begin({contact});
     place.full_n = full_n_;
     double weakest_failure_n = 2 * full_n_;
-    for (double force_n = full_n_ / 2; force_n <= full_n_; force_n *= 2) {
+    for (double force_n = kFirstPush * full_n_; force_n <= full_n_; force_n *= 2) {
       if (over(place)) return;
       if (press(statics, force_n, place)) continue;
       weakest_failure_n = force_n;
@@ -103,6 +110,25 @@ const char* reason(Outcome outcome) {
   }
 }
 
+double factor_mb(const CholeskyPlan& plan) {
+  double bytes = 0;
+  for (std::size_t s = 0; s + 1 < plan.supernode_start.size(); ++s) {
+    const double columns = 3.0 * (plan.supernode_start[s + 1] - plan.supernode_start[s]);
+    bytes += columns * (columns + 3.0 * (plan.rows_start[s + 1] - plan.rows_start[s])) * sizeof(float);
+  }
+  return bytes / 1e6;
+}
+
+/// Every other place, from the base to the tip and back.
+std::vector<std::size_t> spread_order(std::size_t count) {
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < count; i += 2) order.push_back(i);
+  for (std::size_t i = count / 2 * 2; i-- > 0;) {
+    if (i % 2 == 1) order.push_back(i);
+  }
+  return order;
+}
+
 std::string number_text(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3g", value);
@@ -113,23 +139,24 @@ std::string number_text(double value) {
 
 double plate_motion_mm(const FemState& state) { return static_cast<double>(plate_motion_mm(state.plates)); }
 
-Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s) {
+Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s,
+                   const std::function<void(double factor_mb)>& planned) {
   Probe probe;
   Stopwatch watch;
   const std::clock_t clock = std::clock();
   for (const JigHole& hole : jig_holes(spec)) probe.places.emplace_back().point_mm = hole.contact_mm.cast<float>();
-  Prober prober(spec, mesh, limit_s);
-  const CholeskyPlan plan = prober.finger().body.plan().view();
-  for (std::size_t s = 0; s + 1 < plan.supernode_start.size(); ++s) {
-    const double columns = 3.0 * (plan.supernode_start[s + 1] - plan.supernode_start[s]);
-    probe.factor_mb += columns * (columns + 3.0 * (plan.rows_start[s + 1] - plan.rows_start[s])) * sizeof(float) / 1e6;
-  }
-  {
+  try {
+    Prober prober(spec, mesh, limit_s);
+    probe.factor_mb = factor_mb(prober.finger().body.plan().view());
+    if (planned) planned(probe.factor_mb);
+    const std::vector<std::size_t> order = spread_order(probe.places.size());
     Progress progress("probing places", probe.places.size());
     parallel_for(probe.places.size(), [&](std::size_t i) {
-      prober.push(probe.places[i]);
+      prober.push(probe.places[order[i]]);
       progress.advance();
     });
+  } catch (const TimeOver&) {
+    for (ProbedPlace& place : probe.places) place.cut_short = true;
   }
   probe.seconds = watch.lap_s();
   probe.place_cpu_s =
@@ -146,8 +173,9 @@ void check_worth_building(const FingerSpec& spec, const Probe& probe) {
     if (!most || plate_motion_mm(place.states.back()) > plate_motion_mm(most->states.back())) most = &place;
   }
   if (!most) {
-    const ProbedPlace& first = probe.places.front();
-    if (first.cut_short) return;  // too slow to tell
+    const auto tried = std::ranges::find_if(probe.places, &ProbedPlace::is_tried);
+    if (tried == probe.places.end()) return;  // too slow to tell
+    const ProbedPlace& first = *tried;
     throw InputError(spec.file.string(), "touch.force_n",
                      "no equilibrium at any of " + std::to_string(probe.places.size()) +
                          " places of the face, even under " + number_text(first.failed_n) + " N (" + reason(first.end) +
@@ -173,7 +201,7 @@ std::string probe_text(const Probe& probe) {
   for (const ProbedPlace& place : probe.places) {
     const auto x = static_cast<double>(place.point_mm.x()), y = static_cast<double>(place.point_mm.y());
     if (place.states.empty()) {
-      std::snprintf(line, sizeof line, "(%6.1f, %6.1f)     nothing", x, y);
+      std::snprintf(line, sizeof line, "(%6.1f, %6.1f)     %s", x, y, place.is_tried() ? "nothing" : "not told");
     } else {
       std::snprintf(line, sizeof line, "(%6.1f, %6.1f)  %7.2f N  %9.2f mm  %9.2f mm", x, y, place.borne_n(),
                     plate_motion_mm(place.states.back()), static_cast<double>(place.states.back().front_rms_mm));

@@ -59,7 +59,7 @@ MatrixXd corner_derivatives(const FingerSpec& spec) {
   return J;
 }
 
-double up_to(double value, double step) { return std::ceil(value / step - 1e-9) * step; }
+double up_to(double value, double step) { return std::max(0.0, std::ceil(value / step - 1e-9) * step); }
 
 /// Two significant digits, upwards or downwards.
 double two_digits(double value, bool upwards) {
@@ -70,7 +70,7 @@ double two_digits(double value, bool upwards) {
 
 struct Scale {
   double highest_n = 0;  ///< that all places but one bear
-  std::size_t bear = 0, places = 0;
+  std::size_t bear = 0, places = 0, tried = 0;
   double weakest_mm = 0, median_mm = 0;  ///< a plate's motion under that
   double face_mm = 0;                    ///< largest RMS motion of the face under that
 };
@@ -79,7 +79,11 @@ Scale scale_of(const Probe& probe) {
   Scale scale;
   scale.places = probe.places.size();
   std::vector<double> borne, motion;
-  for (const ProbedPlace& place : probe.places) borne.push_back(place.borne_n());
+  for (const ProbedPlace& place : probe.places) {
+    if (place.is_tried()) borne.push_back(place.borne_n());
+  }
+  scale.tried = borne.size();
+  if (borne.empty()) return scale;
   std::ranges::sort(borne);
   scale.highest_n = two_digits(borne[borne.size() > 3 ? 1 : 0], false);
   scale.bear = static_cast<std::size_t>(std::ranges::count_if(borne, [&](double n) { return n >= scale.highest_n; }));
@@ -102,9 +106,10 @@ WorkingRange range_of(const Probe& probe, std::size_t plate, double highest_n) {
   WorkingRange range;
   for (const ProbedPlace& place : probe.places) {
     for (const FemState& state : place.states) {
-      if (static_cast<double>(state.force_n) > 1.001 * highest_n) continue;
-      const Vector3d shift = kRoom * state.plates[plate].displacement_mm.cast<double>();
-      const Vector3d turn = kRoom * state.plates[plate].rotation_rad.cast<double>();
+      // Under less force about as much less: places are seldom pushed with just that.
+      const double share = kRoom * std::min(1.0, highest_n / static_cast<double>(state.force_n));
+      const Vector3d shift = share * state.plates[plate].displacement_mm.cast<double>();
+      const Vector3d turn = share * state.plates[plate].rotation_rad.cast<double>();
       range.inward_mm = std::max(range.inward_mm, shift.z());
       range.sideways_mm = std::max(range.sideways_mm, std::abs(shift.x()));
       range.tilt_rad = std::max({range.tilt_rad, std::abs(turn.x()), std::abs(turn.z())});
@@ -149,18 +154,36 @@ std::array<PoseNoise, kPlates> expected_noise(const FingerSpec& spec, const Prob
 
 std::string proposal_text(const FingerSpec& spec, const Probe& probe) {
   const Scale scale = scale_of(probe);
+  if (scale.tried == 0) {
+    return "# nothing: no place could be pushed in the time. A coarser mesh takes less (--size, a larger "
+           "surface.simplify_mm), and so does a touch.force_n that the finger bears\n";
+  }
   if (!(scale.highest_n > 0)) {
-    return "# nothing: too few places could be pushed in the time. Try --size coarse, or surface.simplify_mm\n";
+    return text("# nothing: of %zu places that were tried two or more bear no force at all; see above why\n",
+                scale.tried);
   }
   const std::array<PoseNoise, kPlates> noise = expected_noise(spec, probe);
   double blur_mm = 0;
   for (const PoseNoise& one : noise) blur_mm = std::max(blur_mm, std::hypot(one.lateral_mm, one.depth_mm));
-  const double lowest_n = std::max(kWeakestPush_n, two_digits(std::min(spec.force_n[0], scale.highest_n / 6), true));
+  if (4 * blur_mm > scale.median_mm) {
+    return text(
+        "# nothing: at the median place a plate moves by %.3g mm under %.3g N, less than four times the %.3g mm "
+        "to which the camera tells it. What helps: more force, a softer finger, larger markers, a nearer "
+        "camera\n",
+        scale.median_mm, scale.highest_n, blur_mm);
+  }
+  const double lowest_n = std::min(
+      std::max(kWeakestPush_n, two_digits(std::min(spec.force_n[0], scale.highest_n / 6), true)), scale.highest_n / 2);
   const double threshold_mm =
       two_digits(std::max(4 * blur_mm, std::min(kUsualThreshold_mm, 0.25 * scale.median_mm)), true);
-  std::string out = "[touch]\n";
+  std::string out = "# each of these keys replaces the one of the same name in the spec\n";
+  if (scale.tried < scale.places) {
+    out += text("# from %zu of %zu places, there was no time for the others: probe once more with these\n", scale.tried,
+                scale.places);
+  }
+  out += "[touch]\n";
   out += text("force_n = [%.3g, %.3g]  # %zu of %zu places bear %.3g N", lowest_n, scale.highest_n, scale.bear,
-              scale.places, scale.highest_n);
+              scale.tried, scale.highest_n);
   out += scale.highest_n >= spec.force_n[1] ? " (the spec's, nothing higher was tried)\n"
                                             : "; the spec says " + text("%.3g\n", spec.force_n[1]);
   out += text(

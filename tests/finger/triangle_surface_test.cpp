@@ -128,6 +128,7 @@ TEST_CASE("triangle surface: a binary file cut off anywhere is refused, never re
   for (std::size_t length = 0; length < bytes.size(); length += 29) {
     CHECK_MESSAGE(refusal("cut.stl", bytes.substr(0, length)) != "", length);
   }
+  CHECK(refusal("cut.stl", bytes.substr(0, 300)).find("found 300 bytes, expected 684 for its 12") != std::string::npos);
 }
 
 TEST_CASE("triangle surface: the winding number tells inside, outside and hollows") {

@@ -92,3 +92,24 @@ TEST_CASE("first spec: what is missing is said, and a surface that bounds no sol
   CHECK_THROWS_WITH_AS(propose_spec(folder / "open.stl", folder / "open.toml"), doctest::Contains("open edges"),
                        InputError);
 }
+
+TEST_CASE("first spec: units that would also do are named, and the more usual finger is taken") {
+  const test::ScratchFolder folder;
+  const auto units = [&](double scale) {
+    test::write_binary_stl(folder / "brick.stl", test::box_surface({0, 0, 0}, Vector3d(40, 100, 30) * scale));
+    const FirstSpec first = propose_spec(folder / "brick.stl", folder / "brick.toml");
+    return first.finger.source.units + (first.toml.find("check surface.units") == std::string::npos ? "" : "?");
+  };
+  CHECK(units(1) == "mm");
+  CHECK(units(0.001) == "m");
+  CHECK(units(0.1) == "cm?");
+  CHECK(units(0.04) == "inch?");
+}
+
+TEST_CASE("first spec: names that TOML would misread are escaped") {
+  const test::ScratchFolder folder;
+  const std::string name = "a\"b\\c\nd";
+  test::write_obj(folder / (name + ".obj"), lying_in_metres());
+  const FirstSpec first = propose_spec(folder / (name + ".obj"), folder / "spec.toml");
+  CHECK(read_finger_spec(folder.write("spec.toml", first.toml)).name == name);
+}

@@ -77,9 +77,22 @@ TEST_CASE("probe: a finger that no pack can come of is refused, with the number 
   CHECK_THROWS_WITH_AS(check_worth_building(spec, nothing), doctest::Contains("buckles"), InputError);
 }
 
+TEST_CASE("probe: a finger whose plates move less than the camera tells gets no numbers, but what would help") {
+  FingerSpec spec = column();
+  Probe probe = probe_finger(spec, test::small_finger_mesh(), kUnhurried_s);
+  for (ProbedPlace& place : probe.places) {
+    for (FemState& state : place.states) {
+      for (PlateMotion& plate : state.plates) plate = {};
+    }
+  }
+  const std::string text = proposal_text(spec, probe);
+  CHECK(text.find("[touch]") == std::string::npos);
+  CHECK(text.find("a softer finger") != std::string::npos);
+}
+
 TEST_CASE("probe: what it proposes for the paper's finger is a spec, and near what was chosen by hand") {
   const FingerSpec spec = read_finger_spec(kFingers / "srm.toml");
-  const Probe probe = probe_finger(spec, make_mesh(spec, MeshSize::kCoarse), kUnhurried_s);
+  Probe probe = probe_finger(spec, make_mesh(spec, MeshSize::kCoarse), kUnhurried_s);
   const std::string text = proposal_text(spec, probe);
   CAPTURE(text);
   const test::ScratchFolder folder;
@@ -103,4 +116,19 @@ TEST_CASE("probe: what it proposes for the paper's finger is a spec, and near wh
     CHECK(noise.number("lateral_mm", 0, 10) == doctest::Approx(spec.noise[p].lateral_mm).epsilon(0.6));
     CHECK(noise.number("depth_mm", 0, 10) == doctest::Approx(spec.noise[p].depth_mm).epsilon(0.6));
   }
+
+  // Places that were pushed with none of the forces that are proposed still tell how far plates move under them, and
+  // those that were not tried count for nothing.
+  for (ProbedPlace& place : probe.places) {
+    place.states.erase(place.states.begin(), place.states.end() - 1);
+    place.states.back().force_n = 4.19F;
+  }
+  probe.places[4].states.clear();
+  probe.places[4].end = Outcome::kEquilibrium;
+  const std::string other = proposal_text(spec, probe);
+  CAPTURE(other);
+  CHECK(other.find("from 8 of 9 places") != std::string::npos);
+  CHECK(other.find(", 4.1]") != std::string::npos);
+  CHECK(other.find("inward_mm = 0,") == std::string::npos);
+  CHECK(other.find("= -0") == std::string::npos);
 }
