@@ -62,8 +62,8 @@ void print_fit(const WeightFit& fit, const FitBasis& basis) {
 
 void run(const Options& options) {
   const FittedDevice& device = options.device;
-  const FingerSpec spec = read_finger_spec(device.spec);
   const Model model = Model::open(device.pack);
+  const FingerSpec spec = device.read_spec(model);
   check_writable(options.output, {spec.file, device.pack, options.weights, device.mount});
   const std::vector<ListedWeight> weights = read_weights(options.weights, static_cast<int>(jig_holes(spec).size()));
   const std::uint16_t day = device.day();
@@ -77,7 +77,9 @@ void run(const Options& options) {
     records[i].readings = std::move(touches[i].readings);
     records[i].left_mm = static_cast<double>(touches[i].left_mm);
   }
-  const FitBasis basis = fit_basis(spec, model);
+  FitBasis basis = fit_basis(spec, model);
+  check_weights(basis, records);
+  basis.motions = motion_basis(spec, basis.holes);
   const WeightFit fit = fit_weights(basis, records, day);
   write_file_atomically(options.output, "# What one finger does otherwise than its pack, made by hostgen fit from " +
                                             std::to_string(records.size()) +

@@ -16,6 +16,12 @@ void FittedDevice::add_options(CLI::App& command) {
   command.add_option("--date", date, "of the recordings, such as 20261123; today unless given");
 }
 
+FingerSpec FittedDevice::read_spec(const Model& model) const {
+  FingerSpec found = read_finger_spec(spec);
+  check_made_from(found, model.spec_sha256, pack);
+  return found;
+}
+
 std::uint16_t FittedDevice::day() const {
   const std::uint16_t day = date ? days_of(date) : day_today();
   if (day == 0) throw InputError("command line", "--date", std::to_string(date), "a day such as 20261123");
@@ -23,6 +29,12 @@ std::uint16_t FittedDevice::day() const {
 }
 
 std::vector<SessionTouches> FittedDevice::touches(const Model& model, const std::optional<FitValues>& unnamed) const {
+  for (std::size_t i = 0; i < sessions.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (weakly_canonical(sessions[k]) != weakly_canonical(sessions[i])) continue;
+      throw InputError("command line", "sessions", sessions[i].string() + " twice", "each recording once");
+    }
+  }
   LoopSettings settings;
   settings.fit = unnamed;
   settings.smoothing_ms = smoothing_ms;

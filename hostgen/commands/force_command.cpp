@@ -97,9 +97,7 @@ std::string collection(const Frames& frames) {
 void run(const Options& options) {
   const Model model = Model::open(options.pack);
   const FingerSpec spec = read_finger_spec(options.spec);
-  if (spec.sha256 != model.spec_sha256) {
-    throw InputError(options.pack.string(), "was made from a different spec than " + options.spec.string());
-  }
+  check_made_from(spec, model.spec_sha256, options.pack);
   const Frames frames = estimate_poses(options, model);
   if (frames.poses.empty()) throw InputError(options.session.string(), "no frame shows a marker of this finger");
   const TetMesh mesh = make_mesh(spec);

@@ -201,6 +201,18 @@ std::vector<TouchLoad> hung_up(const FingerSpec& spec, const Options& options, i
   return weight_loads(hole->contact_mm.cast<float>(), force_n, frames, kFramesPerSecond);
 }
 
+/// A touch that wanders is weaker where the finger bears no more; a weight is what it is.
+void check_bears_weights(const std::vector<TouchLoad>& loads, const std::vector<FemState>& states, int hole) {
+  constexpr double kNearly = 0.98;
+  double hung_n = 0, borne_n = 0;
+  for (const TouchLoad& load : loads) hung_n = std::max(hung_n, load.force_n);
+  for (const FemState& state : states) borne_n = std::max(borne_n, static_cast<double>(state.force_n));
+  if (borne_n >= kNearly * hung_n) return;
+  throw InputError("command line", "--mass-g", std::to_string(std::lround(hung_n / weight_n(1))),
+                   "at most " + std::to_string(static_cast<int>(borne_n / weight_n(1))) +
+                       ": the finger does not bear more at hole " + std::to_string(hole));
+}
+
 void run(const Options& options) {
   if (!std::isfinite(options.seconds)) throw InputError("command line", "--seconds", "not a number", "0.1 ... 600");
   const FingerSpec spec = read_finger_spec(options.spec);
@@ -217,6 +229,7 @@ void run(const Options& options) {
   // A virtual finger is computed on a mesh that no pack is made from.
   const TetMesh mesh = make_mesh(real, finger ? MeshSize::kMedium : MeshSize::kDefault);
   std::vector<FemState> states = make_touch_path(real, mesh, loads);
+  if (options.hole) check_bears_weights(loads, states, options.hole);
   if (value_of(session_events(), options.event) == SessionEvent::kShaken) shake(spec, kFramesPerSecond, states);
   write_images(folder.path() / kSessionFrames, real, real.cameras[size], states, options);
   write_file_atomically(folder.path() / kSessionTruth, truth_csv(states));

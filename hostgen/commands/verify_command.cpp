@@ -7,6 +7,7 @@
 
 #include "firmware/input_error.h"
 #include "firmware/settings/measured_fit.h"
+#include "firmware/touch/touch_stage.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/commands/fitted_device.h"
 #include "hostgen/fit/verification.h"
@@ -44,6 +45,7 @@ VerificationPlan planned(VerificationPlan plan, const Options& options) {
 }
 
 std::string device_commands(const nlohmann::json& settings) {
+  if (settings.empty()) return "";
   std::string text = "finsightctl set HOST";
   for (const auto& [name, value] : settings.items()) {
     text += " " + name + "=" + (value.is_string() ? value.get<std::string>() : value.dump());
@@ -51,25 +53,55 @@ std::string device_commands(const nlohmann::json& settings) {
   return text + "\nfinsightctl do HOST save";
 }
 
+/// What a device with this fit says of poses, the forces' ages left aside.
+PoseReader pose_reader(const Model& model, const FitValues& fit) {
+  const auto stage = std::make_shared<TouchStage>(model);
+  stage->use_tolerances(fit.force_sigma, fit.touch_radius_mm, fit.noise_per_mm);
+  stage->explain_less_likely(std::numeric_limits<float>::infinity());
+  return [stage, fit](const PlatePoses& seen) {
+    PlatePoses poses = seen;
+    FingerFit(fit).change_motions(poses);
+    const Touch touch = stage->locate(poses);
+    return ForceAndPlace{static_cast<double>(force_scale_at(fit, touch.point_mm) * touch.force_n), touch.point_mm};
+  };
+}
+
+std::string fit_in_words(const fs::path& file, const FitValues& fit) {
+  if (file.empty()) return "none";
+  char text[80];
+  std::snprintf(text, sizeof text, " of %u, force scale %.3f", date_of(fit.fitted_on),
+                static_cast<double>(fit.force_scale));
+  return file.filename().string() + text;
+}
+
 int run(const Options& options) {
   check_extension(options.output, {".html"});
   const FittedDevice& device = options.device;
-  const FingerSpec spec = read_finger_spec(device.spec);
   const Model model = Model::open(device.pack);
+  const FingerSpec spec = device.read_spec(model);
   check_writable(options.output, {spec.file, device.pack, options.plan, device.fit, device.mount});
   const std::vector<JigHole> holes = jig_holes(spec);
   const VerificationPlan plan = planned(read_plan(options.plan, static_cast<int>(holes.size())), options);
   const std::uint16_t day = device.day();
   std::vector<std::vector<TouchReading>> readings;
   for (SessionTouches& touches : device.touches(model)) readings.push_back(std::move(touches.readings));
-  const Verification verification = verify(plan, holes, readings);
-  const nlohmann::json figures = verification_json(plan, verification, date_of(day));
+  const FitValues fit = device.fit.empty() ? FitValues{} : read_measured_fit(TomlTable::parse_file(device.fit));
+  const Verification verification = verify(plan, holes, readings,
+                                           {.is_quick = options.quick,
+                                            .has_turn_told = !device.mount.empty() || !device.fit.empty(),
+                                            .read_poses = pose_reader(model, fit),
+                                            .R_finger_camera = spec.T_finger_camera.linear()});
+  const CertificateHead head{.date = date_of(day),
+                             .pack = checksum_text(model.checksum),
+                             .fit = fit_in_words(device.fit, fit),
+                             .mount = device.mount.empty() ? "as drawn" : device.mount.filename().string(),
+                             .is_quick = options.quick};
+  const nlohmann::json figures = verification_json(plan, verification, head);
   const std::string commands = device_commands(figures["settings"]);
   fs::path json_file = options.output;
   json_file.replace_extension(".json");
   write_file_atomically(json_file, figures.dump(1) + "\n");
-  write_file_atomically(options.output,
-                        certificate_html(plan, verification, date_of(day), checksum_text(model.checksum), commands));
+  write_file_atomically(options.output, certificate_html(plan, verification, head, commands));
   for (const Check& check : verification.checks) {
     const std::string value = check.value ? std::to_string(*check.value) : "not told";
     std::printf("%-42s %10s %-18s %s\n", check.name.c_str(), value.c_str(), check.unit.c_str(),
@@ -77,8 +109,12 @@ int run(const Options& options) {
                 : check.passes() ? "passed"
                                  : "FAILED");
   }
-  std::printf("%s\n%s: the certificate; the same as figures in %s\nfor the device's registers:\n%s\n",
-              verification.passed ? "passed" : "failed", options.output.c_str(), json_file.c_str(), commands.c_str());
+  for (const MissedWeight& weight : verification.missed) {
+    std::printf("not detected: %.2f N at hole %d (%s)\n", weight.force_n, weight.hole, weight.session.c_str());
+  }
+  std::printf("%s\n%s: the certificate; the same as figures in %s\n", verification.passed ? "passed" : "failed",
+              options.output.c_str(), json_file.c_str());
+  if (!commands.empty()) std::printf("for the device's registers:\n%s\n", commands.c_str());
   return verification.passed ? 0 : 1;
 }
 

@@ -401,4 +401,11 @@ FingerSpec read_finger_spec(const std::filesystem::path& file) {
   return spec;
 }
 
+void check_made_from(const FingerSpec& spec, const std::string& pack_spec_sha256, const std::filesystem::path& pack) {
+  constexpr std::size_t kShown = 12;
+  if (spec.sha256 == pack_spec_sha256) return;
+  throw InputError(pack.string(), "spec", "one with the SHA-256 " + pack_spec_sha256.substr(0, kShown) + "...",
+                   spec.file.string() + " (" + spec.sha256.substr(0, kShown) + "...)");
+}
+
 }  // namespace finsight::host

@@ -142,5 +142,7 @@ std::shared_ptr<const SurfaceFinger> read_surface_unchecked(const std::filesyste
 /// Throws InputError for unknown keys, wrong types, numbers or a surface that cannot be a finger, and a camera that
 /// does not see all markers (with the reason).
 FingerSpec read_finger_spec(const std::filesystem::path& file);
+/// Throws InputError if a pack was made from another spec, whose SHA-256 it holds.
+void check_made_from(const FingerSpec& spec, const std::string& pack_spec_sha256, const std::filesystem::path& pack);
 
 }  // namespace finsight::host

@@ -132,17 +132,25 @@ std::string limit_text(const Check& check) {
   return check.limit ? std::string(check.at_least ? "at least " : "at most ") + number(*check.limit) : "";
 }
 
-}  // namespace
-
-namespace {
-
 /// As far as the register goes.
 double hundredths(double value) { return std::round(100 * std::min(value, 655.0)) / 100; }
 
+/// Of the device, as its page and finsightctl take them. A daily check renews no verification, but may end one.
+json settings_of(const Verification& verification, const CertificateHead& head) {
+  if (head.is_quick) return verification.passed ? json::object() : json{{"verdict", "failed"}};
+  return {{"verified_on", days_of(head.date)},
+          {"verdict", verification.passed ? "passed" : "failed"},
+          {"force_expanded_uncertainty", hundredths(verification.force_expanded_n)},
+          {"touch_expanded_uncertainty", hundredths(verification.touch_expanded_mm)}};
+}
+
 }  // namespace
 
-json verification_json(const VerificationPlan& plan, const Verification& verification, std::uint32_t date) {
-  json checks = json::array(), plateaus = json::array(), budget = json::array();
+json verification_json(const VerificationPlan& plan, const Verification& verification, const CertificateHead& head) {
+  json checks = json::array(), plateaus = json::array(), budget = json::array(), missed = json::array();
+  for (const MissedWeight& weight : verification.missed) {
+    missed.push_back({{"session", weight.session}, {"hole", weight.hole}, {"force_n", weight.force_n}});
+  }
   for (const Check& check : verification.checks) {
     checks.push_back({{"name", check.name},
                       {"clause", check.clause},
@@ -168,29 +176,33 @@ json verification_json(const VerificationPlan& plan, const Verification& verific
         {{"source", line.source}, {"how", line.how}, {"force_n", line.force_n}, {"touch_mm", line.touch_mm}});
   }
   return {{"finger", plan.finger},
-          {"date", date_text(date)},
+          {"date", date_text(head.date)},
+          {"quick", head.is_quick},
+          {"pack", head.pack},
+          {"fit", head.fit},
+          {"mount", head.mount},
           {"passed", verification.passed},
           {"force_expanded_n", verification.force_expanded_n},
           {"touch_expanded_mm", verification.touch_expanded_mm},
-          {"settings",  // of the device, as its page and finsightctl take them
-           {{"verified_on", days_of(date)},
-            {"verdict", verification.passed ? "passed" : "failed"},
-            {"force_expanded_uncertainty", hundredths(verification.force_expanded_n)},
-            {"touch_expanded_uncertainty", hundredths(verification.touch_expanded_mm)}}},
+          {"settings", settings_of(verification, head)},
           {"checks", checks},
           {"budget", budget},
-          {"weights", plateaus}};
+          {"weights", plateaus},
+          {"not_detected", missed}};
 }
 
-std::string certificate_html(const VerificationPlan& plan, const Verification& verification, std::uint32_t date,
-                             const std::string& pack, const std::string& commands) {
+std::string certificate_html(const VerificationPlan& plan, const Verification& verification,
+                             const CertificateHead& head, const std::string& commands) {
   std::ostringstream page;
   page << "<!doctype html><html lang='en'><meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
-       << "<title>Certificate " << escaped(plan.finger) << "</title><style>" << kStyle
-       << "</style><h1>Verification of finger " << escaped(plan.finger) << "</h1><p>" << date_text(date)
-       << " &middot; pack " << escaped(pack) << " &middot; " << verification.plateaus.size() << " weights in "
-       << plan.series.size() << (plan.series.size() == 1 ? " recording</p>" : " recordings</p>") << "<p class='verdict "
-       << (verification.passed ? "passed'>Passed" : "failed'>Failed")
+       << "<title>Certificate " << escaped(plan.finger) << "</title><style>" << kStyle << "</style><h1>"
+       << (head.is_quick ? "Quick check" : "Verification") << " of finger " << escaped(plan.finger) << "</h1><p>"
+       << date_text(head.date) << " &middot; pack " << escaped(head.pack) << " &middot; fit " << escaped(head.fit)
+       << " &middot; mount " << escaped(head.mount) << " &middot; "
+       << verification.plateaus.size() + verification.missed.size() << " weights in " << plan.series.size()
+       << (plan.series.size() == 1 ? " recording</p>" : " recordings</p>")
+       << (head.is_quick ? "<p>Judged by what these recordings tell; it renews no verification.</p>" : "")
+       << "<p class='verdict " << (verification.passed ? "passed'>Passed" : "failed'>Failed")
        << "</p><table><tr><th>What<th>Clause<th>Found<th>Limit<th></tr>";
   for (const Check& check : verification.checks) {
     page << "<tr" << (check.passes() ? "" : " class='bad'") << "><td>" << check.name << "<td>" << check.clause
@@ -226,8 +238,16 @@ std::string certificate_html(const VerificationPlan& plan, const Verification& v
          << number(static_cast<double>((plateau.found_mm - plateau.truth_mm).norm())) << "<td class='n'>"
          << number(plateau.radius_mm) << "</tr>";
   }
-  page << "</table><h2>Into the device</h2><p>These commands write the verdict into the device's registers:</p><code>"
-       << escaped(commands) << "</code></html>\n";
+  for (const MissedWeight& weight : verification.missed) {
+    page << "<tr class='bad'><td>" << escaped(weight.session) << "<td class='n'>" << weight.hole << "<td class='n'>"
+         << number(weight.force_n) << "<td colspan='4'>not detected</tr>";
+  }
+  page << "</table>";
+  if (!commands.empty()) {
+    page << "<h2>Into the device</h2><p>These commands write the verdict into the device's registers:</p><code>"
+         << escaped(commands) << "</code>";
+  }
+  page << "</html>\n";
   return page.str();
 }
 

@@ -3,6 +3,7 @@
 // that also says where it is touched.
 #pragma once
 
+#include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -29,7 +30,9 @@ struct VerificationLimits {
   std::optional<double> touch_mean_mm, touch_expanded_mm;
   std::optional<double> repeatability_percent, hysteresis_percent, creep_percent;
   std::optional<double> zero_return_mm;
+  std::optional<double> detection_n;  ///< from which force on every weight is detected; else all of them must be
   std::optional<double> coverage_68;  ///< the least that passes, of forces and of touches
+  bool operator==(const VerificationLimits&) const = default;
 };
 
 struct VerificationPlan {
@@ -38,10 +41,10 @@ struct VerificationPlan {
   VerificationLimits limits;
 };
 
-/// Strict: throws InputError like TomlTable. Holes 1 to `holes`.
+/// Strict: throws InputError like TomlTable, and for a plan without any limit. Holes 1 to `holes`.
 VerificationPlan read_plan(const std::filesystem::path& file, int holes);
 
-/// A weight at rest.
+/// A weight at rest that the finger shows.
 struct Plateau {
   std::string session;
   int hole = 0;
@@ -52,6 +55,14 @@ struct Plateau {
   double drift_n = 0;                            ///< from the first readings to the last
   Vec3f found_mm = Vec3f::Zero(), truth_mm = Vec3f::Zero();
   double radius_mm = 0;
+  PlatePoses poses{};  ///< of one reading in its middle
+};
+
+/// A weight that was too light for the finger to show it.
+struct MissedWeight {
+  std::string session;
+  int hole = 0;
+  double force_n = 0;
 };
 
 /// One part of an uncertainty, as a standard deviation.
@@ -69,20 +80,46 @@ struct Check {
 
 struct Verification {
   std::vector<Plateau> plateaus;
+  std::vector<MissedWeight> missed;
   std::vector<Check> checks;
   std::vector<BudgetLine> budget;
   double force_expanded_n = 0, touch_expanded_mm = 0;  ///< k = 2
   bool passed = false;
 };
 
-/// `readings`: of each series in its order, by a device with its fit and mount. Throws InputError naming the recording
-/// whose steps are not those of the plan.
-Verification verify(const VerificationPlan& plan, const std::vector<JigHole>& holes,
-                    const std::vector<std::vector<TouchReading>>& readings);
+/// Of all that a device measures of a touch.
+struct ForceAndPlace {
+  double force_n = 0;
+  Vec3f point_mm = Vec3f::Zero();
+};
+/// What the device that is verified says of poses of its plates, for the parts that lens and mount have in its errors.
+using PoseReader = std::function<ForceAndPlace(const PlatePoses&)>;
 
-nlohmann::json verification_json(const VerificationPlan& plan, const Verification& verification, std::uint32_t date);
+/// How `verify` is to judge.
+struct VerificationKind {
+  bool is_quick = false;       ///< the daily check: limits that its recordings do not tell are not judged
+  bool has_turn_told = false;  ///< how the camera is turned was measured, by `hostgen mount` or a fit
+  PoseReader read_poses = {};  ///< nothing: lens and mount are not told apart from the model
+  Eigen::Matrix3d R_finger_camera = Eigen::Matrix3d::Identity();
+};
+
+/// `readings`: of each series in its order, by a device with its fit and mount. Throws InputError naming the recording
+/// whose steps are not those of the plan, but for weights too light to be seen, and if no limit can be judged.
+Verification verify(const VerificationPlan& plan, const std::vector<JigHole>& holes,
+                    const std::vector<std::vector<TouchReading>>& readings, const VerificationKind& kind = {});
+
+/// What a certificate says of the device: the files that it works with, in words.
+struct CertificateHead {
+  std::uint32_t date = 0;
+  std::string pack = {}, fit = {}, mount = {};
+  bool is_quick = false;
+};
+
+/// With the settings for the device's registers; a quick check that passed has none.
+nlohmann::json verification_json(const VerificationPlan& plan, const Verification& verification,
+                                 const CertificateHead& head);
 /// The certificate: one page that needs no other file.
-std::string certificate_html(const VerificationPlan& plan, const Verification& verification, std::uint32_t date,
-                             const std::string& pack, const std::string& commands);
+std::string certificate_html(const VerificationPlan& plan, const Verification& verification,
+                             const CertificateHead& head, const std::string& commands);
 
 }  // namespace finsight::host

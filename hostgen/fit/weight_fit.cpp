@@ -41,6 +41,8 @@ constexpr double kRested_mm = 0.06;  // from where it was before it was touched;
 // Elsewhere on the face a touch may be that much less like the pack's than at any hole (log-odds).
 constexpr float kLessThanAtHoles = 2;
 constexpr double kWrongForce = 0.35, kWrongPlace_mm = 9;
+const double kWrongStiffness = std::log(3.0);  // no batch of a material differs that much from its spec
+constexpr double kUsualRest = 3;               // what remains of the forces, over kForceRest, is stated as it is beyond
 
 /// The readings of a hold while its weight hung still.
 struct Series {
@@ -110,6 +112,28 @@ std::string grams(double force_n) { return std::to_string(std::lround(force_n / 
 
 double median_of(std::vector<double> numbers) { return quantile(std::move(numbers), 0.5); }
 
+/// What the other recordings, or the spec, say that hung there.
+[[noreturn]] void refuse_weight(const WeightHold& hold, const std::string& expected) {
+  throw InputError(hold.name, "mass_g", grams(hold.force_n), expected);
+}
+
+void check_masses(const std::vector<WeightHold>& holds, const std::vector<double>& scale, double usual_scale) {
+  const auto fitting = [&](std::size_t i, double log_scale) {
+    return grams(holds[i].force_n * std::exp(log_scale - scale[i]));
+  };
+  for (std::size_t i = 0; i < holds.size() && holds.size() > 2; ++i) {
+    if (std::abs(scale[i] - usual_scale) < kWrongForce) continue;
+    refuse_weight(holds[i], "about " + fitting(i, usual_scale) + ", as the other recordings have it");
+  }
+  if (holds.size() == 2 && std::abs(scale[0] - scale[1]) >= kWrongForce) {
+    refuse_weight(holds[0], "about " + fitting(0, scale[1]) + " if " + holds[1].name + " is right, or there " +
+                                fitting(1, scale[0]) + " instead of " + grams(holds[1].force_n));
+  }
+  if (std::abs(usual_scale) < kWrongStiffness) return;
+  refuse_weight(holds[0], fitting(0, -kWrongStiffness) + " to " + fitting(0, kWrongStiffness) +
+                              " of a finger that is at most three times as stiff or soft as its spec's");
+}
+
 // A wrong hole shows by the touch, a wrong weight by a force that no other agrees with.
 void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
   std::vector<double> along, scale;
@@ -127,12 +151,26 @@ void check_holds(const FitBasis& basis, const std::vector<WeightHold>& holds) {
                        std::to_string(nearest->number) + ", which is where the finger was touched");
     }
   }
-  for (std::size_t i = 0; i < holds.size(); ++i) {
-    const double off = scale[i] - usual_scale;
-    if (holds.size() < 3 || std::abs(off) < kWrongForce) continue;
-    throw InputError(holds[i].name, "mass_g", grams(holds[i].force_n),
-                     "about " + grams(holds[i].force_n * std::exp(-off)) + ", as the other recordings have it");
+  check_masses(holds, scale, usual_scale);
+}
+
+void take_out_creep(const std::vector<Series>& series, const std::optional<Creep>& creep, WeightFit& fit) {
+  for (std::size_t i = 0; i < series.size(); ++i)
+    fit.holds[i].pack_force_n = mean_without_creep(series[i].forces, creep);
+}
+
+/// Sets the holds and their readings, and checks them.
+std::optional<Creep> read_holds(const FitBasis& basis, const std::vector<WeightRecord>& records,
+                                std::vector<Series>& series, WeightFit& fit) {
+  std::vector<ForceSeries> long_holds;
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    fit.holds.push_back(hold_of(basis, records[i], series[i]));
+    if (fit.holds[i].lasted_s >= kCreepHold_s) long_holds.push_back(series[i].forces);
   }
+  const std::optional<Creep> creep = fit_creep(long_holds);
+  take_out_creep(series, creep, fit);
+  check_holds(basis, fit.holds);
+  return creep;
 }
 
 // The jig numbers its holes from 1.
@@ -200,6 +238,15 @@ Polynomial polynomial(const Terms& prior, double rest, const std::vector<Terms>&
   return found;
 }
 
+double rms_of_rest(const Polynomial& found, const std::vector<Terms>& terms, const std::vector<double>& seen) {
+  double sum = 0;
+  for (std::size_t i = 0; i < terms.size(); ++i) {
+    const double rest = seen[i] - found.mean.dot(terms[i]);
+    sum += rest * rest;
+  }
+  return std::sqrt(sum / static_cast<double>(terms.size()));
+}
+
 Terms terms_at(const FitValues& values, const Vec3f& point_mm) {
   const auto terms = fit_terms(values, point_mm);
   return Eigen::Map<const Eigen::Matrix<float, kTerms, 1>>(terms.data()).cast<double>();
@@ -259,12 +306,18 @@ void take_out_hysteresis(const std::vector<WeightRecord>& records, WeightFit& fi
 void fit_force(const FitBasis& basis, const std::optional<Creep>& creep, WeightFit& fit) {
   Terms prior;
   prior << static_cast<double>(basis.force_tolerance), wider(fit) * kForceSlopePrior;
-  const double rest = wider(fit) * kForceRest;
+  double rest = wider(fit) * kForceRest;
   std::vector<double> scale;
   for (const WeightHold& hold : fit.holds) {
     scale.push_back(std::log(hold.elastic_n / hold.pack_force_n) - hold.pack_error.log_force);
   }
-  const Polynomial found = polynomial(prior, rest, terms_of(fit), scale);
+  const std::vector<Terms> terms = terms_of(fit);
+  Polynomial found = polynomial(prior, rest, terms, scale);
+  const double remaining = rms_of_rest(found, terms, scale);
+  if (remaining > kUsualRest * rest) {
+    rest = remaining;
+    found = polynomial(prior, rest, terms, scale);
+  }
   fit.values.force_scale = static_cast<float>(std::exp(found.mean[0]));
   fit.values.force_scale_sigma = static_cast<float>(std::sqrt(found.covariance(0, 0)));
   Eigen::Map<Vec3f>(fit.values.force_slope.data()) = found.mean.tail<3>().cast<float>();
@@ -315,7 +368,6 @@ void note_untold(const FitBasis& basis, const std::optional<Creep>& creep, Weigh
 FitBasis fit_basis(const FingerSpec& spec, const Model& model) {
   FitBasis basis;
   basis.holes = jig_holes(spec);
-  basis.motions = motion_basis(spec, basis.holes);
   basis.model = &model;
   basis.model_checksum = model.checksum;
   basis.face_axes = Eigen::Map<const Eigen::Matrix3f>(model.touch.face_axes.data());
@@ -338,6 +390,12 @@ FitValues weighing(const TouchModel& touch) {
           .explained_lower = std::numeric_limits<float>::infinity()};
 }
 
+void check_weights(const FitBasis& basis, const std::vector<WeightRecord>& records) {
+  std::vector<Series> series(records.size());
+  WeightFit fit;
+  read_holds(basis, records, series, fit);
+}
+
 WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& records, std::uint16_t today) {
   WeightFit fit;
   fit.values.model_checksum = basis.model_checksum;
@@ -348,25 +406,14 @@ WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& re
   fit.values.face_middle_mm = basis.face_middle_mm;
   fit.values.face_half_mm = basis.face_half_mm;
   std::vector<Series> series(records.size());
-  for (std::size_t i = 0; i < records.size(); ++i) fit.holds.push_back(hold_of(basis, records[i], series[i]));
-  std::vector<ForceSeries> long_holds;
-  for (std::size_t i = 0; i < records.size(); ++i) {
-    if (fit.holds[i].lasted_s >= kCreepHold_s) long_holds.push_back(series[i].forces);
-  }
-  const std::optional<Creep> creep = fit_creep(long_holds);
+  const std::optional<Creep> creep = read_holds(basis, records, series, fit);
   if (creep) {
     fit.values.creep_share = static_cast<float>(creep->share);
     fit.values.creep_s = static_cast<float>(creep->after_s);
     fit.creep_share_sigma = creep->sigma;
   }
-  const auto take_out_creep = [&] {
-    for (std::size_t i = 0; i < records.size(); ++i)
-      fit.holds[i].pack_force_n = mean_without_creep(series[i].forces, creep);
-  };
-  take_out_creep();
-  check_holds(basis, fit.holds);
   fit_motions(basis, series, fit);
-  take_out_creep();
+  take_out_creep(series, creep, fit);
   take_out_hysteresis(records, fit);
   fit_offsets(basis, fit);
   fit_force(basis, creep, fit);

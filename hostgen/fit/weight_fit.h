@@ -62,15 +62,19 @@ struct FitBasis {
   float noise_per_mm = 0;                             ///< see TouchModel
   float explained_above = 0;                          ///< log-odds below which the pack calls motions unexplained
 };
-/// Solves that finger by finite elements: see motion_basis(). The model must outlive it.
+/// All but the motions, for which the finger is solved by finite elements: see motion_basis(). The model must outlive
+/// it.
 FitBasis fit_basis(const FingerSpec& spec, const Model& model);
 
 /// With what a device reads weights: it is not fitted, and takes whatever moves the plates for a touch.
 FitValues weighing(const TouchModel& touch);
 
+/// What fit_weights() checks of its recordings, without the motions: throws the same InputError.
+void check_weights(const FitBasis& basis, const std::vector<WeightRecord>& records);
+
 /// Bayesian least squares: few recordings tell little and leave the rest to what fingers of a workshop have in common
 /// (see Workshop). `records` were read by a device with weighing(). Throws InputError naming the recording that shows
-/// no touch, or that contradicts the others: at another hole, or with another weight.
+/// no touch, or that contradicts the spec or the others: at another hole, or with another weight.
 WeightFit fit_weights(const FitBasis& basis, const std::vector<WeightRecord>& records, std::uint16_t today);
 
 }  // namespace finsight::host

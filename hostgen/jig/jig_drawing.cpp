@@ -200,7 +200,7 @@ void write_table(Sheet& sheet, const FingerSpec& spec, const Jig& jig) {
           " mm if the pin does not fall through.",
       "Print with the numbered face on the bed, 100 % size, without supports, in PETG or PLA.",
       "Snap the cheeks around the base, the slab's end flush with the mount. Nothing but the pin",
-      "may touch the face. Zero the finger before each weight, with the jig on and the pin out.",
+      "may touch the face. Zero the finger once, rested, with the jig on and the pin out; not between weights.",
       "The pin's own mass and that of its tray are part of every weight.",
       "1 kg presses with 9.81 N, 100 g with 0.98 N."};
   Vector2d line(190, 205);

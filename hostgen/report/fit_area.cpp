@@ -53,7 +53,7 @@ constexpr std::array<const char*, kVariants> kVariantNames = {
 
 /// Errors of one finger, or of all.
 struct Errors {
-  std::vector<double> force_relative, force_n, touch_mm, drift;
+  std::vector<double> force_relative, force_n, force_stated, touch_mm, drift;
   int forces_inside = 0, touches_inside = 0, drifts_inside = 0;
 
   void add(const Errors& other) {
@@ -62,6 +62,7 @@ struct Errors {
     };
     append(force_relative, other.force_relative);
     append(force_n, other.force_n);
+    append(force_stated, other.force_stated);
     append(touch_mm, other.touch_mm);
     append(drift, other.drift);
     forces_inside += other.forces_inside;
@@ -80,6 +81,7 @@ struct Errors {
     return {{"forces", force_relative.size()},
             {"force_relative", mean(force_relative)},
             {"force_mean_n", mean(force_n)},
+            {"force_stated", mean(force_stated)},
             {"force_coverage_68", share(forces_inside, force_relative)},
             {"touches", touch_mm.size()},
             {"touch_mean_mm", mean(touch_mm)},
@@ -193,6 +195,7 @@ void judge(const TouchReading& reading, const PressedPlace& place, double force_
   const double error_n = std::abs(reading.force_n - force_n);
   errors.force_relative.push_back(error_n / force_n);
   errors.force_n.push_back(error_n);
+  errors.force_stated.push_back(reading.force_sigma_n / reading.force_n);
   errors.forces_inside += error_n <= reading.force_sigma_n;
   if (static_cast<double>(reading.plate_motion_mm) < kFirm_mm) return;
   const double error_mm = static_cast<double>((reading.point_mm - place.point_mm()).norm());
@@ -345,7 +348,8 @@ void plot_fingers(const std::vector<FingerResult>& results, const std::filesyste
 
 json measure_fits(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, int fingers,
                   int places, std::uint64_t first) {
-  const FitBasis basis = fit_basis(spec, model);
+  FitBasis basis = fit_basis(spec, model);
+  basis.motions = motion_basis(spec, basis.holes);
   std::vector<FingerResult> results(static_cast<std::size_t>(fingers));
   Progress progress("virtual fingers", results.size());
   parallel_for(results.size(), [&](std::size_t i) {

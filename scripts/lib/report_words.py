@@ -35,6 +35,9 @@ HEADINGS = {
     "across_n": "across, N", "along_n": "along, N", "radius_mm": "patch radius, mm", "x_mm_2": "second x, mm",
     "y_mm_2": "second y, mm", "normal_n_2": "second normal, N", "across_n_2": "second across, N",
     "along_n_2": "second along, N", "radius_mm_2": "second radius, mm",
+    "distance": "distance, noise deviations", "alike": ("more than half missed by any test, %", PERCENT),
+    "alike_off_mm": "there, the one contact is away by, mm", "found_at_best": ("found by the best test, %", PERCENT),
+    "lies_at_best": ("off by over three radii with it, %", PERCENT),
     "from_mm": "plate motion from, mm", "touches": "touches", "error_95_mm": "95 %, mm",
     "coverage_68": ("inside one radius, %", PERCENT), "coverage_95": ("inside two, %", PERCENT),
     "from_n": "force from, N", "rmse_n": "RMSE, N", "bias_n": "mean error, N",
@@ -69,7 +72,7 @@ HEADINGS = {
     "multiply_adds_per_us": "multiply-adds in a µs", "cache_bytes_per_us": "bytes read from the cache in a µs",
     "memory_bytes_per_us": "bytes read from memory in a µs",
     "fit": "fit", "forces": "forces", "force_relative": ("force, mean relative error, %", PERCENT), "force_mean_n": "mean error, N",
-    "force_coverage_68": ("force inside its deviation, %", PERCENT), "touch_mean_mm": "touch, mean error, mm",
+    "force_stated": ("stated deviation, %", PERCENT), "force_coverage_68": ("force inside its deviation, %", PERCENT), "touch_mean_mm": "touch, mean error, mm",
     "drift": ("drift over a minute, %", PERCENT), "drift_inside_deviation": ("drift inside the deviation, %", PERCENT),
     "touch_point_mm": "touched point", "path": "path", "varied": "varied", "value": "value", "corners": "corners", "markers_lost": "markers lost",
     "edges_bias_px": "edge fit, bias, px", "edges_rms_px": "edge fit, RMS, px", "sub_pix_bias_px": "cornerSubPix, bias, px",
@@ -238,7 +241,7 @@ SECTIONS = {
                 "in each row for a minute; then touches elsewhere of any age up to 20 s, half of them after a larger force, and "
                 "another weight for a minute at two of the holes, for drift. Touches count from 4 mm of plate motion on.",
         "pictures": [("fit.svg", "Each finger's mean errors, before and after the fit; below the line the fit helps.")],
-        "tables": [("fit.rows", ["fit", "forces", "force_relative", "force_mean_n", "force_coverage_68", "touches", "touch_mean_mm",
+        "tables": [("fit.rows", ["fit", "forces", "force_relative", "force_mean_n", "force_stated", "force_coverage_68", "touches", "touch_mean_mm",
                                  "touch_95_mm", "coverage_68", "drift", "drift_inside_deviation"],
                     "All fingers together, and with one part of the fit left out each.", "")]},
     "vision": {

@@ -240,6 +240,31 @@ TEST_CASE("weight fit: a wrong weight is named with the one that fits the others
   CHECK_THROWS_WITH_AS(fit_weights(basis(), records, 9000), doctest::Contains("w7: mass_g: found 612"), InputError);
 }
 
+TEST_CASE("weight fit: two weights that contradict each other are both named") {
+  Random random(5);
+  Hysteresis material(kUsual);
+  WeightRecord left = record(4, 3, 5, {}, random, material), right = record(6, 3, 5, {}, random, material);
+  right.force_n = 6;
+  CHECK_THROWS_WITH_AS(fit_weights(basis(), {left, right}, 9000),
+                       doctest::Contains("w4: mass_g: found 306, expected about 6"), InputError);
+}
+
+TEST_CASE("weight fit: one weight that no finger of the spec's material would show so is refused") {
+  Random random(5);
+  Hysteresis material(kUsual);
+  WeightRecord one = record(4, 3, 5, {}, random, material);
+  one.force_n = 30;
+  CHECK_THROWS_WITH_AS(fit_weights(basis(), {one}, 9000), doctest::Contains("three times as stiff"), InputError);
+  CHECK_THROWS_WITH_AS(check_weights(basis(), {one}), doctest::Contains("three times as stiff"), InputError);
+}
+
+TEST_CASE("weight fit: forces that the fit leaves apart are stated as wide as they are") {
+  std::vector<WeightRecord> records = nine({});
+  const float usual = fit_weights(basis(), records, 9000).values.force_sigma;
+  for (std::size_t i = 0; i < records.size(); ++i) records[i].force_n *= i % 2 ? 1.2 : 0.85;
+  CHECK(fit_weights(basis(), records, 9000).values.force_sigma > 2 * usual);
+}
+
 TEST_CASE("weight fit: a recording without a touch is refused, and a hole that the jig does not have") {
   std::vector<WeightRecord> records = nine({});
   for (TouchReading& reading : records[0].readings) reading.is_valid = false;
