@@ -54,9 +54,10 @@ std::string device_commands(const nlohmann::json& settings) {
 }
 
 /// What a device with this fit says of poses, the forces' ages left aside.
-PoseReader pose_reader(const Model& model, const FitValues& fit) {
+PoseReader pose_reader(const Model& model, const std::optional<FitValues>& of_device) {
   const auto stage = std::make_shared<TouchStage>(model);
-  stage->use_tolerances(fit.force_sigma, fit.touch_radius_mm, fit.noise_per_mm);
+  const FitValues fit = of_device.value_or(FitValues{});
+  if (of_device) stage->use_tolerances(fit.force_sigma, fit.touch_radius_mm, fit.noise_per_mm);
   stage->explain_less_likely(std::numeric_limits<float>::infinity());
   return [stage, fit](const PlatePoses& seen) {
     PlatePoses poses = seen;
@@ -66,11 +67,11 @@ PoseReader pose_reader(const Model& model, const FitValues& fit) {
   };
 }
 
-std::string fit_in_words(const fs::path& file, const FitValues& fit) {
-  if (file.empty()) return "none";
+std::string fit_in_words(const fs::path& file, const std::optional<FitValues>& fit) {
+  if (!fit) return "none";
   char text[80];
-  std::snprintf(text, sizeof text, " of %u, force scale %.3f", date_of(fit.fitted_on),
-                static_cast<double>(fit.force_scale));
+  std::snprintf(text, sizeof text, " of %u, force scale %.3f", date_of(fit->fitted_on),
+                static_cast<double>(fit->force_scale));
   return file.filename().string() + text;
 }
 
@@ -85,7 +86,8 @@ int run(const Options& options) {
   const std::uint16_t day = device.day();
   std::vector<std::vector<TouchReading>> readings;
   for (SessionTouches& touches : device.touches(model)) readings.push_back(std::move(touches.readings));
-  const FitValues fit = device.fit.empty() ? FitValues{} : read_measured_fit(TomlTable::parse_file(device.fit));
+  std::optional<FitValues> fit;
+  if (!device.fit.empty()) fit = read_measured_fit(TomlTable::parse_file(device.fit));
   const Verification verification = verify(plan, holes, readings,
                                            {.is_quick = options.quick,
                                             .has_turn_told = !device.mount.empty() || !device.fit.empty(),
