@@ -13,8 +13,6 @@ namespace finsight::host {
 
 namespace {
 
-constexpr double kLimit_s = 100;  // and the step that a place is at then
-
 struct Options {
   std::filesystem::path spec;
   std::string size = "default";
@@ -24,7 +22,7 @@ void run(const Options& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   const TetMesh mesh = make_mesh(spec, kMeshSizes.at(options.size));
   print_mesh(mesh);
-  const Probe probe = probe_finger(spec, mesh, kLimit_s, [](double factor_mb) {
+  const Probe probe = probe_finger(spec, mesh, kProbeLimit_s, [](double factor_mb) {
     std::printf("a factor of this mesh takes %.0f MB, one per thread (%zu); two minutes at most\n", factor_mb,
                 usable_cores());
     std::fflush(stdout);

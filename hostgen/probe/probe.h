@@ -35,11 +35,14 @@ struct Probe {
   double factor_mb = 0;    ///< memory of one factor, every thread has one; 0: there was no time for it
 };
 
+/// Leaves half a minute for the step that a place is at then: on a large mesh one takes long.
+inline constexpr double kProbeLimit_s = 90;
+
 /// Pushes the places of jig_holes() with an eighth of the spec's highest force, twice as much, and so on up to all of
 /// it; where the first fails, with half as much, and so on down to kWeakestPush_n; then between. All cores, progress;
 /// the places in an order in which any number of them is spread over the face. Begins no new step of a load after
 /// `limit_s`. `planned` is told factor_mb before the first push. Throws Interrupted.
-Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s = 100,
+Probe probe_finger(const FingerSpec& spec, const TetMesh& mesh, double limit_s = kProbeLimit_s,
                    const std::function<void(double factor_mb)>& planned = {});
 
 /// Throws InputError naming the field to change if a pack of this finger could not come to be: nowhere an equilibrium,
