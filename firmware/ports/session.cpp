@@ -27,6 +27,11 @@ std::string list(std::span<const double> values) {
   return "[" + text + "]";
 }
 
+std::string id_list(const std::array<int, kPlates>& ids) {
+  const std::vector<double> numbers(ids.begin(), ids.end());
+  return list(numbers);
+}
+
 /// A TOML basic string. Control characters become spaces: a description is one line for people.
 std::string quoted(const std::string& text) {
   std::string result = "\"";
@@ -122,16 +127,6 @@ SessionInfo read_session_info(const std::filesystem::path& folder) {
   return info;
 }
 
-namespace {
-
-std::string id_list(const std::array<int, kPlates>& ids) {
-  std::string text;
-  for (const int id : ids) text += (text.empty() ? "[" : ", ") + std::to_string(id);
-  return text + "]";
-}
-
-}  // namespace
-
 void check_markers(const SessionInfo& info, const std::filesystem::path& folder,
                    const std::array<int, kPlates>& marker_id, double marker_size_mm, const std::string& finger) {
   const std::string file = (folder / kSessionInfo).string();
@@ -156,7 +151,6 @@ std::string gravity_toml(const std::optional<Vec3f>& g) {
 }  // namespace
 
 std::string session_info_toml(const SessionInfo& info) {
-  const auto id = [&](int plate) { return std::to_string(info.marker_id[plate]); };
   return "description = " + quoted(info.description) + (info.complete ? "" : "\ncomplete = false") +
          (info.from_rest ? "\nfrom_rest = true  # as in the finger's pack: no zero is needed" : "") +
          gravity_toml(info.gravity_g) + (info.coding == Coding::kSrgb ? "\ncoding = \"srgb\"" : "") +
@@ -165,9 +159,8 @@ std::string session_info_toml(const SessionInfo& info) {
          "\nwidth_px = " + std::to_string(info.lens.width_px) + "\nheight_px = " + std::to_string(info.lens.height_px) +
          "\nframes_per_second = " + shortest(info.frames_per_second) + "\n\n[camera]  # pixels; OpenCV's convention\n" +
          lens_toml(info.lens) +
-         "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) + "\nid = [" +
-         id(kTopPlate) + ", " + id(kMiddlePlate) + ", " + id(kLowPlate) +
-         "]\nsize_mm = " + shortest(info.marker_size_mm) + "\n";
+         "\n[markers]  # top, middle, low plate\ndictionary = " + quoted(info.marker_dictionary) +
+         "\nid = " + id_list(info.marker_id) + "\nsize_mm = " + shortest(info.marker_size_mm) + "\n";
 }
 
 }  // namespace finsight

@@ -22,13 +22,20 @@ FingerSpec FittedDevice::read_spec(const Model& model) const {
   return found;
 }
 
+std::optional<FitValues> FittedDevice::read_fit(const Model& model) const {
+  if (fit.empty()) return std::nullopt;
+  const FitValues found = read_measured_fit(TomlTable::parse_file(fit));
+  check_fit(found, model.checksum, fit.string());
+  return found;
+}
+
 std::uint16_t FittedDevice::day() const {
   const std::uint16_t day = date ? days_of(date) : day_today();
   if (day == 0) throw InputError("command line", "--date", std::to_string(date), "a day such as 20261123");
   return day;
 }
 
-std::vector<SessionTouches> FittedDevice::touches(const Model& model, const std::optional<FitValues>& unnamed) const {
+std::vector<SessionTouches> FittedDevice::touches(const Model& model, const std::optional<FitValues>& of_device) const {
   for (std::size_t i = 0; i < sessions.size(); ++i) {
     for (std::size_t k = 0; k < i; ++k) {
       if (weakly_canonical(sessions[k]) != weakly_canonical(sessions[i])) continue;
@@ -36,14 +43,10 @@ std::vector<SessionTouches> FittedDevice::touches(const Model& model, const std:
     }
   }
   LoopSettings settings;
-  settings.fit = unnamed;
+  settings.fit = of_device;
   settings.smoothing_ms = smoothing_ms;
   if (!mount.empty()) {
     settings.mount = corrected_mount(model.mount, read_measured_mount(TomlTable::parse_file(mount)));
-  }
-  if (!fit.empty()) {
-    settings.fit = read_measured_fit(TomlTable::parse_file(fit));
-    check_fit(*settings.fit, model.checksum, fit.string());
   }
   std::vector<SessionTouches> touches(sessions.size());
   Progress progress("recordings", sessions.size());

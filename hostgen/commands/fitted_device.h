@@ -15,14 +15,16 @@ struct FittedDevice {
   int smoothing_ms = 0;
 
   void add_options(CLI::App& command);
-  /// Throws InputError if that is another spec than the pack's, or the model is of another one.
+  /// Throws InputError if the pack was made from another spec.
   FingerSpec read_spec(const Model& model) const;
+  /// Nothing if none was named. Throws InputError if it was made with another pack.
+  std::optional<FitValues> read_fit(const Model& model) const;
   /// Of the recordings, in days (see days_of). Throws InputError for a day that does not exist.
   std::uint16_t day() const;
-  /// With the mount and the fit that were named, or `unnamed`: of every session in its order, on all cores, with
+  /// With the mount that was named and this fit: of every session in its order, on all cores, with
   /// progress. The first one's zero serves all, see session_touches. Throws InputError if one of the files cannot be
   /// used, if a recording is given twice, and as session_touches does.
-  std::vector<SessionTouches> touches(const Model& model, const std::optional<FitValues>& unnamed = std::nullopt) const;
+  std::vector<SessionTouches> touches(const Model& model, const std::optional<FitValues>& of_device) const;
 };
 
 }  // namespace finsight::host

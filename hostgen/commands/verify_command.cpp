@@ -85,9 +85,8 @@ int run(const Options& options) {
   const VerificationPlan plan = planned(read_plan(options.plan, static_cast<int>(holes.size())), options);
   const std::uint16_t day = device.day();
   std::vector<std::vector<TouchReading>> readings;
-  for (SessionTouches& touches : device.touches(model)) readings.push_back(std::move(touches.readings));
-  std::optional<FitValues> fit;
-  if (!device.fit.empty()) fit = read_measured_fit(TomlTable::parse_file(device.fit));
+  const std::optional<FitValues> fit = device.read_fit(model);
+  for (SessionTouches& touches : device.touches(model, fit)) readings.push_back(std::move(touches.readings));
   const Verification verification = verify(plan, holes, readings,
                                            {.is_quick = options.quick,
                                             .has_turn_told = !device.mount.empty() || !device.fit.empty(),

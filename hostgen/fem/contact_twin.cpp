@@ -51,9 +51,7 @@ class Search {
 
  private:
   static PoseVectorOf<double> motion(const FemState& state) {
-    PlatePoses poses;
-    poses.plates = state.plates;
-    return pose_vector(poses).cast<double>();
+    return pose_vector({.plates = state.plates}).cast<double>();
   }
 
   PoseVectorOf<double> missing(const FemState& state) const { return (wanted_ - motion(state)).cwiseQuotient(noise_); }

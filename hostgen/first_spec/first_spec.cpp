@@ -30,11 +30,13 @@ struct Unit {
   double mm;
 };
 
+constexpr std::array<Unit, 4> kUnits = {{{"mm", 1}, {"m", 1000}, {"cm", 10}, {"inch", 25.4}}};
+
 /// Those that give a usual finger, millimetres and metres before others, then the most usual.
 std::vector<Unit> possible_units(double largest) {
   constexpr double kUsual_mm = 100;
   std::vector<Unit> units;
-  for (const Unit unit : {Unit{"mm", 1}, Unit{"m", 1000}, Unit{"cm", 10}, Unit{"inch", 25.4}}) {
+  for (const Unit& unit : kUnits) {
     if (largest * unit.mm >= 30 && largest * unit.mm <= 400) units.push_back(unit);
   }
   const auto away = [&](const Unit& unit) {
@@ -42,7 +44,7 @@ std::vector<Unit> possible_units(double largest) {
     return is_metric ? 0 : std::abs(std::log(largest * unit.mm / kUsual_mm));
   };
   std::ranges::stable_sort(units, {}, away);
-  if (units.empty()) units.push_back({"mm", 1});
+  if (units.empty()) units.push_back(kUnits.front());
   return units;
 }
 
@@ -266,14 +268,13 @@ std::string spec_text(const FirstSpec& first, const std::filesystem::path& file,
 }
 
 void note_other_units(const TriangleSurface& surface, const std::string& units, std::vector<std::string>& notes) {
+  const auto own = std::ranges::find(kUnits, units, &Unit::name);
+  if (own->mm == 1) return;
   const double long_mm = bounds_of(surface).sizes().maxCoeff();
-  for (const Unit& own : {Unit{"mm", 1}, Unit{"m", 1000}, Unit{"cm", 10}, Unit{"inch", 25.4}}) {
-    if (units != own.name) continue;
-    for (const Unit& other : possible_units(long_mm / own.mm)) {
-      if (units == other.name || own.mm == 1) continue;
-      notes.push_back("the finger is " + number(long_mm) + " mm long if the file's numbers are " + units + ", and " +
-                      number(long_mm / own.mm * other.mm) + " mm if they are " + other.name + ": check surface.units");
-    }
+  for (const Unit& other : possible_units(long_mm / own->mm)) {
+    if (units == other.name) continue;
+    notes.push_back("the finger is " + number(long_mm) + " mm long if the file's numbers are " + units + ", and " +
+                    number(long_mm / own->mm * other.mm) + " mm if they are " + other.name + ": check surface.units");
   }
 }
 

@@ -216,7 +216,7 @@ double rms(const std::vector<double>& numbers) {
   return numbers.empty() ? 0 : std::sqrt(sum / static_cast<double>(numbers.size()));
 }
 
-/// How far a vector per plate is off if it is changed so, over all weights: RMS of force and place.
+/// How far force and place are off (RMS over all weights) if every plate's motion is changed so.
 BudgetLine changed_by(const Verification& result, const PoseReader& read,
                       const std::function<void(PlateMotion&)>& change) {
   std::vector<double> force_n, touch_mm;
