@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "hostgen/util/common.h"
+#include "hostgen/util/random.h"
 
 namespace finsight::host {
 namespace {
@@ -94,9 +95,9 @@ bool Equilibrium::factor_tangent(const ElasticState& state) {
   }
   body_.tangent(state.u, state.stress, double_cholesky_->values());
   ++cost_.in_double;
-  gave_way_ = !double_cholesky_->factor();
+  const bool positive = double_cholesky_->factor();
   if (interrupted()) throw Interrupted();
-  return !gave_way_;
+  return positive;
 }
 
 /// Whether the factor in single precision, where the solve started, solves its own equation to a few per cent.
@@ -116,13 +117,12 @@ bool Equilibrium::single_serves(std::span<const double> load, ElasticState& stat
 // What single precision spoils is tried again in double: where its factor is bad, steps lead nowhere or astray.
 bool Equilibrium::solve(std::span<const double> load, ElasticState& state) {
   const ElasticState start = state;
-  in_double_ = gave_way_ = false;
+  in_double_ = false;
   if (descend(load, state)) return true;
   if (in_double_) return false;
   state = start;
   if (single_serves(load, state)) return false;
   in_double_ = true;
-  gave_way_ = false;
   state = start;
   return descend(load, state);
 }
@@ -167,8 +167,29 @@ bool Equilibrium::descend(std::span<const double> load, ElasticState& state) {
 
 bool Equilibrium::linearise(const ElasticState& state, Precision precision) {
   in_double_ = precision == Precision::kDouble;
-  gave_way_ = false;
   return factor_tangent(state);
+}
+
+// Inverse iteration. Where a body is about to give way, its softest motion stands far from the next, and the first few
+// iterations find it.
+double Equilibrium::softest_stiffness(const ElasticState& state) {
+  constexpr int kIterations = 10;
+  if (!linearise(state, Precision::kDouble)) return 0;
+  Random random(0);
+  std::vector<double> motion(residual_.size());
+  for (double& x : motion) x = random.uniform(-1, 1);
+  std::fill_n(motion.end() - 3, 3, 0.0);
+  double compliance = 0;
+  for (int k = 0; k < kIterations; ++k) {
+    const double length = norm(motion);
+    for (double& x : motion) x /= length;
+    std::vector<double> response = motion;
+    apply_inverse(response);
+    compliance = 0;
+    for (std::size_t i = 0; i < motion.size(); ++i) compliance += motion[i] * response[i];
+    motion = std::move(response);
+  }
+  return 1 / compliance;
 }
 
 void Equilibrium::apply_inverse(std::span<double> b) {

@@ -34,14 +34,14 @@ class Equilibrium {
   /// motion (positive definite tangent); `state` then means nothing. Tangents are factored in single precision, in
   /// double where that does not serve; there, less exactly where rounding allows no more. Throws Interrupted.
   bool solve(std::span<const double> load, ElasticState& state);
-  /// Why the last solve() or linearise() failed: the body gives way, since a tangent that was factored in double
-  /// precision is not positive definite. Else the failure is numerical: elements were inverted, or the steps came to no
-  /// end, and a start that is nearer may do.
-  bool gave_way() const { return gave_way_; }
   enum class Precision { kSingle, kDouble };
   /// Factors the exact tangent at an equilibrium; false if it is not positive definite. solve() forgets it. In single
   /// precision the softest motions come out wrong by up to a tenth.
   bool linearise(const ElasticState& state, Precision precision = Precision::kSingle);
+  /// How stiff the body is at an equilibrium against the motion that it resists least: the smallest eigenvalue of the
+  /// tangent (N/mm; of the same mesh's states alone comparable), 0 if that is not positive definite. It falls towards 0
+  /// where the body is about to buckle or to snap through. solve() forgets the factor, which is in double precision.
+  double softest_stiffness(const ElasticState& state);
   /// That tangent's inverse times `b` (a body vector), in place, to the precision of its factor: first-order changes of
   /// displacements for changes of load, and, since it is symmetric, adjoints.
   void apply_inverse(std::span<double> b);
@@ -64,9 +64,8 @@ class Equilibrium {
   Cholesky<float> cholesky_;
   std::unique_ptr<Cholesky<double>> double_cholesky_;  // made when first needed
   bool in_double_ = false;                             // the present factor is that one
-  bool gave_way_ = false;
-  std::vector<double> residual_, correction_, step_;  // correction: K^-1 r; step: the last that was taken
-  std::vector<float> rounded_;                        // the residual on its way to becoming the correction
+  std::vector<double> residual_, correction_, step_;   // correction: K^-1 r; step: the last that was taken
+  std::vector<float> rounded_;                         // the residual on its way to becoming the correction
   double smallest_J_ = 1;
   long first_step_ = 0;  // cost_.steps when the present solve began
   EquilibriumCost cost_;

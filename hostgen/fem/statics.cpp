@@ -20,6 +20,9 @@ constexpr int kLoadHalvings = 7;
 constexpr int kMaxTurns = 4;
 // A finger whose compliance grows by this factor from one step to the next has jumped.
 constexpr double kJump = 8;
+// Of the stiffness at rest, against the softest motion. Where the default finger buckles, 1 to 4 % are left in the last
+// state before; a step that is too long for Newton fails with any.
+constexpr double kSoftened = 0.1;
 
 double distance(const std::vector<double>& a, const std::vector<double>& b) {
   double total = 0;
@@ -85,6 +88,7 @@ struct FingerStatics::Solver {
   bool press(const std::vector<FaceContact>& target, double target_force_n);
   void extrapolate(double s);
   bool step_to(double s, const LoadCurve& curve);
+  bool has_softened();
   bool walk(double from, double to, const LoadCurve& curve);
 
   std::shared_ptr<const PushedFinger> finger;
@@ -93,8 +97,10 @@ struct FingerStatics::Solver {
   double force_n = 0;
   std::optional<ContactLoad> contacts;  ///< instead of the place, after begin()
   BodyVector present_load, weight;      ///< the weight is part of the load
-  double compliance = 0;  ///< distance of the last two states over the distance of their loads; 0: unknown
-  bool buckled = false;   ///< why steps failed since the last that did not
+  double compliance = 0;         ///< distance of the last two states over the distance of their loads; 0: unknown
+  bool jumped = false;           ///< a step since the last that did not fail
+  bool buckled = false;          ///< why the last walk failed
+  double stiffness_at_rest = 0;  ///< against the softest motion; 0: not asked for yet
   std::chrono::steady_clock::time_point deadline = std::chrono::steady_clock::time_point::max();
   std::vector<Station> history;  ///< the latest states of the present line of loads; the last is the present one
   ElasticState trial;
@@ -121,16 +127,14 @@ bool FingerStatics::Solver::step_to(double s, const LoadCurve& curve) {
   BodyVector load = finger->zero();
   for (int turns = 0; turns == 0 || (turns < kMaxTurns && contacts && contacts->has_turned(trial)); ++turns) {
     curve(s, trial, load);
-    if (equilibrium.solve(load, trial)) continue;
-    buckled = buckled || equilibrium.gave_way();
-    return false;
+    if (!equilibrium.solve(load, trial)) return false;
   }
   const double new_compliance = distance(trial.u, history.back().state.u) / distance(load, present_load);
   if (compliance > 0 && new_compliance > kJump * compliance) {
-    buckled = true;
+    jumped = true;
     return false;
   }
-  buckled = false;
+  jumped = false;
   compliance = new_compliance;
   present_load = std::move(load);
   if (history.size() == kHistory) history.erase(history.begin());
@@ -138,9 +142,14 @@ bool FingerStatics::Solver::step_to(double s, const LoadCurve& curve) {
   return true;
 }
 
+bool FingerStatics::Solver::has_softened() {
+  if (stiffness_at_rest == 0) stiffness_at_rest = equilibrium.softest_stiffness(finger->rest);
+  return equilibrium.softest_stiffness(state()) < kSoftened * stiffness_at_rest;
+}
+
 bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve) {
   double at = from, step = to - from;
-  buckled = false;
+  jumped = buckled = false;
   const double shortest = std::abs(step) / (1 << kLoadHalvings);
   while (at != to) {
     if (std::chrono::steady_clock::now() > deadline) return false;
@@ -152,7 +161,10 @@ bool FingerStatics::Solver::walk(double from, double to, const LoadCurve& curve)
       continue;
     }
     step = 0.5 * (next - at);
-    if (std::abs(step) < shortest) return false;
+    if (std::abs(step) < shortest) {
+      buckled = jumped || has_softened();
+      return false;
+    }
     history.erase(history.begin(), history.end() - 1);  // the path is less smooth than the extrapolation assumed
   }
   return true;

@@ -183,3 +183,21 @@ TEST_CASE("statics: a force that the finger cannot bear leaves the last good sta
   CHECK(finger.state().contact_mm == good.contact_mm);
   CHECK(finger.state().force_n == good.force_n);
 }
+
+TEST_CASE("statics: a column that buckles is told apart from a load that the solver cannot follow") {
+  // Under its own weight a column 60 mm high, 12 x 6 mm, buckles at 7.84 E I / L^2 (Greenhill 1881): 96 times gravity.
+  FingerSpec spec = test::small_finger_spec();
+  TetMesh mesh = test::box_mesh({{-6, 0, 0}, {12, 60, 6}, {2, 16, 2}});
+  put_plates_above(56.3, mesh);
+  spec.plate_stiffness_ratio = 1;
+  spec.density_kg_m3 = 1150;
+  FingerStatics finger(spec, mesh);
+  FaceContact contact;
+  contact.centre_mm = {0, 50};
+  CHECK(finger.begin({contact}, {0, -80, 0}));
+  CHECK_FALSE(finger.begin({contact}, {0, -120, 0}));
+  CHECK(finger.buckled());
+  REQUIRE(finger.begin({contact}));
+  CHECK_FALSE(finger.press(1e6));
+  CHECK_FALSE(finger.buckled());
+}
