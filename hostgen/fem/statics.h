@@ -60,7 +60,7 @@ class FingerStatics {
   /// From this time on, load() and press() fail after the step that they are at: for those who must be done soon.
   void give_up_at(std::chrono::steady_clock::time_point deadline);
   /// Why the last load() or press() failed: the finger buckles, snaps through or gives way, since at the last state
-  /// that was reached it has lost nine tenths of its stiffness against the softest motion, or what lies beyond is a
+  /// that was reached it has lost two thirds of its stiffness against the softest motion, or what lies beyond is a
   /// jump away. Else no step of the load converged, however short (the failure is numerical), or time was over.
   bool buckled() const;
   /// The present state; `path` and `front_node` are left 0. Not valid if the touched point has moved more than 20 mm.
