@@ -7,6 +7,7 @@
 #include "firmware/geometry/so3.h"
 #include "firmware/loop/frame_loop.h"
 #include "firmware/modbus/register_table.h"
+#include "hostgen/fem/contact_twin.h"
 #include "hostgen/fem/information.h"
 #include "hostgen/learn/touch_samples.h"
 #include "hostgen/report/areas.h"
@@ -266,11 +267,51 @@ json floor_json(const FingerSpec& spec, bool quick) {
   return rows;
 }
 
+double mean_published_radius_mm(const std::vector<Trial>& trials) {
+  double sum_mm = 0, count = 0;
+  for (const Trial& trial : trials) {
+    if (!trial.is_published) continue;
+    sum_mm += trial.radius_mm;
+    ++count;
+  }
+  return sum_mm / std::max(count, 1.0);
+}
+
+/// How many of a case's touches the best test of the plates would find: the others are those that one contact of the
+/// pack's scene imitates, which would then be published with a radius of `radius_mm`. Of at most 24 states.
+json imitated_json(const std::string& scene, const FingerSpec& spec, const std::vector<CaseState>& states,
+                   double radius_mm) {
+  const std::size_t count = std::min<std::size_t>(24, states.size());
+  const auto state = [&](std::size_t i) -> const FemState& { return states[i * states.size() / count].state; };
+  const auto finger = std::make_shared<const PushedFinger>(spec, make_mesh(spec));
+  std::vector<ContactTwin> twins(count);
+  parallel_for(count, [&](std::size_t i) {
+    FingerStatics statics(finger);
+    twins[i] = closest_contact(statics, spec, spec.scene(scene), state(i));
+  });
+  double found = 0, lies = 0, alike = 0, alike_off_mm = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double refused = largest_share_refused(twins[i].distance);
+    const auto off_mm = static_cast<double>((twins[i].state.point_mm - state(i).point_mm).norm());
+    found += refused;
+    if (off_mm > 3 * radius_mm) lies += 1 - refused;
+    if (refused >= 0.5) continue;
+    ++alike;
+    alike_off_mm += off_mm;
+  }
+  const double all = std::max<double>(1, static_cast<double>(count));
+  return {{"states", count},
+          {"alike", alike / all},
+          {"alike_off_mm", alike_off_mm / std::max(alike, 1.0)},
+          {"found_at_best", found / all},
+          {"lies_at_best", lies / all}};
+}
+
 }  // namespace
 
 json measure_scenes(const Model& model, const FingerSpec& spec, const std::filesystem::path& folder, bool quick) {
   std::vector<CaseResult> results;
-  json rows = json::array(), shapes = json::array();
+  json rows = json::array(), shapes = json::array(), imitated = json::array();
   double worst_cover = 0, worst_lies = 0;
   Progress progress("cases", scene_cases().size());
   for (const SceneCase& scene_case : scene_cases()) {
@@ -287,6 +328,11 @@ json measure_scenes(const Model& model, const FingerSpec& spec, const std::files
       worst_cover = std::max(worst_cover, std::abs(summary.curve[9] - 0.68));
     }
     rows.push_back(row);
+    if (scene_case.load == SceneCase::Load::kTwo) {
+      json row_of_two = imitated_json(model.scene, spec, states, mean_published_radius_mm(trials));
+      row_of_two["case"] = scene_case.name;
+      imitated.push_back(row_of_two);
+    }
     // The figures of a shape are about the nodes of one mesh.
     if (scene_case.is_one_pose() && scene_case.mesh == MeshSize::kDefault) {
       for (json tier : compare_shapes(model, spec, states)) {
@@ -303,6 +349,7 @@ json measure_scenes(const Model& model, const FingerSpec& spec, const std::files
             {"cases", rows},
             {"shapes", shapes},
             {"floor", floor_json(spec, quick)},
+            {"imitated", imitated},
             {"worst_coverage_error", worst_cover},
             {"worst_lies", worst_lies}}}};
 }

@@ -35,7 +35,7 @@ HEADINGS = {
     "across_n": "across, N", "along_n": "along, N", "radius_mm": "patch radius, mm", "x_mm_2": "second x, mm",
     "y_mm_2": "second y, mm", "normal_n_2": "second normal, N", "across_n_2": "second across, N",
     "along_n_2": "second along, N", "radius_mm_2": "second radius, mm",
-    "distance": "distance, noise deviations", "alike": ("more than half missed by any test, %", PERCENT),
+    "alike": ("more than half missed by any test, %", PERCENT),
     "alike_off_mm": "there, the one contact is away by, mm", "found_at_best": ("found by the best test, %", PERCENT),
     "lies_at_best": ("off by over three radii with it, %", PERCENT),
     "from_mm": "plate motion from, mm", "touches": "touches", "error_95_mm": "95 %, mm",
@@ -229,7 +229,10 @@ SECTIONS = {
                    ("scene.floor", ["unknown", "states", "x_mm", "y_mm", "normal_n", "across_n", "along_n", "radius_mm", "x_mm_2",
                                     "y_mm_2", "normal_n_2", "across_n_2", "along_n_2", "radius_mm_2"],
                     "What plate motions can tell at best: median standard deviation by the Fisher information at the spec's "
-                    "noise, for contacts that move a plate by 4 mm or more.", "")]},
+                    "noise, for contacts that move a plate by 4 mm or more.", ""),
+                   ("scene.imitated", ["case", "states", "alike", "alike_off_mm", "found_at_best", "lies_at_best"],
+                    "What the best test could find that refuses one in a thousand touches of the scene: the single contact of "
+                    "the scene that moves the plates most like each state of two was searched for.", "")]},
     "fit": {
         "title": "Fingers as a workshop makes them, before and after nine weights", "area": "fit",
         "code": ["hostgen/render/virtual_finger.h", "hostgen/fit/weight_fit.h"],
