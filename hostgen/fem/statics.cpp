@@ -20,9 +20,9 @@ constexpr int kLoadHalvings = 7;
 constexpr int kMaxTurns = 4;
 // A finger whose compliance grows by this factor from one step to the next has jumped.
 constexpr double kJump = 8;
-// Of the stiffness at rest, against the softest motion. Where the default finger buckles, 1 to 4 % are left in the last
-// state before, and up to 32 % where friction that turns with the face no longer settles (of 570 paths); a step that is
-// too long for Newton fails with any.
+// Of the stiffness at rest, against the softest motion. Where the default finger buckles, at most 4 % are left in the
+// last state before, and up to 32 % where friction that turns with the face no longer settles (of 570 paths); a step
+// that is too long for Newton fails with any.
 constexpr double kSoftened = 1.0 / 3;
 
 double distance(const std::vector<double>& a, const std::vector<double>& b) {

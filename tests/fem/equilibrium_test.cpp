@@ -78,6 +78,13 @@ TEST_CASE("equilibrium: a straight column under more than its buckling load is r
   CHECK_FALSE(equilibrium.solve(beam.load(-1.2, 1), state));
 }
 
+TEST_CASE("equilibrium: a load that turns elements inside out at once is refused") {
+  const Beam beam;
+  Equilibrium equilibrium(beam.body);
+  ElasticState state = beam.rest;
+  CHECK_FALSE(equilibrium.solve(beam.load(3000, 2), state));
+}
+
 TEST_CASE("equilibrium: a column's softest stiffness falls in proportion to its load, to 0 at the buckling load") {
   const Beam beam;
   Equilibrium equilibrium(beam.body);
