@@ -131,6 +131,15 @@ std::vector<float> radius_curve(const std::vector<TouchTrial>& trials, double th
   return curve_of(knots);
 }
 
+/// The log-odds that one trial in a thousand is below. A thousandth of a few hundred states, each measured several
+/// times, would be the worst of them alone; so the exponential tail through the lowest hundredth and twentieth is
+/// followed that far.
+double false_alarm_limit(std::vector<double> log_odds) {
+  constexpr double kFalseAlarms = 0.001, kFew = 0.01, kMore = 0.05;
+  const double few = quantile(log_odds, kFew), more = quantile(std::move(log_odds), kMore);
+  return few - (more - few) * std::log(kFew / kFalseAlarms) / std::log(kMore / kFew);
+}
+
 }  // namespace
 
 Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm) {
@@ -143,14 +152,11 @@ Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm
     }
     calibration.wrench[static_cast<std::size_t>(i)] = quantile(std::move(ratios), 0.6827, 1.0);
   }
-  constexpr double kFalseAlarms = 0.001;
   std::vector<double> explained;
   for (const TouchTrial& trial : trials) {
     if (static_cast<double>(trial.plate_motion_mm) >= threshold_mm) explained.push_back(trial.explained);
   }
-  if (!explained.empty()) {
-    calibration.explained_above = static_cast<float>(quantile(std::move(explained), kFalseAlarms));
-  }
+  if (!explained.empty()) calibration.explained_above = static_cast<float>(false_alarm_limit(std::move(explained)));
   if (auto curve = radius_curve(trials, threshold_mm); !curve.empty()) calibration.radius_curve = std::move(curve);
   return calibration;
 }

@@ -46,6 +46,24 @@ TEST_CASE("touch score: calibration makes the radius hold 68 % of the errors and
   }
 }
 
+TEST_CASE("touch score: what is called unexplained is told by the tail of many touches, not by the worst") {
+  constexpr int kTouches = 5000;
+  std::vector<TouchTrial> trials;
+  for (int i = 0; i < kTouches; ++i) {
+    trials.push_back(ramp(0, 5).front());
+    trials.back().explained = static_cast<float>(std::log((i + 0.5) / kTouches));  // one in a thousand below log(0.001)
+  }
+  const auto limit = [&] { return double(calibrate(trials, 2).explained_above); };
+  CHECK(limit() == doctest::Approx(std::log(0.001)).epsilon(0.02));
+  for (int i = 0; i < kTouches / 500; ++i) trials[static_cast<std::size_t>(i)].explained = -40;  // one odd state of 500
+  CHECK(limit() == doctest::Approx(std::log(0.001)).epsilon(0.02));
+  for (int i = 0; i < kTouches / 500; ++i) {
+    trials.push_back(ramp(0, 1).front());  // below the threshold of motion: it is not published anyway
+    trials.back().explained = -40;
+  }
+  CHECK(limit() == doctest::Approx(std::log(0.001)).epsilon(0.02));
+}
+
 TEST_CASE("touch score: a factor makes radii hold 68 %, counted on the paths that it was not fitted to") {
   std::vector<TouchTrial> small = ramp(0, 5), large = ramp(1, 5);
   const double factor = radius_factor(small, 2);
