@@ -55,6 +55,18 @@ class Page(unittest.TestCase):
         self.assertNotIn("http://", page.replace("http://www.w3.org", "").replace("http://purl.org", "")
                          .replace("http://creativecommons.org", ""))
 
+    def test_forces_are_claimed_of_strong_touches_that_the_scene_draws_and_lies_beside_what_no_test_can_find(self):
+        cases = [{"case": "any touch of the scene", "contained": True, "lies": 0.01, "force_rmse_n": [9.0, 9.0, 9.0]},
+                 {"case": "any touch of the scene, from 4 mm of plate motion", "contained": True, "lies": 0.002, "touch_mm": 1.5,
+                  "force_rmse_n": [0.2, 0.3, 0.7], "moment_rmse_nm": [0.01, 0.04, 0.02]},
+                 {"case": "two", "contained": False, "lies": 0.2}]
+        scene = {"cases": cases, "imitated": [{"lies_at_best": 0.03}, {"lies_at_best": 0.07}]}
+        said = {row["claim"]: row for row in report_claims.claims(results(scene=scene)) if "scene" in row["command"]}
+        ours = [row["ours"] for row in said.values()]
+        self.assertEqual(ours[:5], ["1.5 mm", "0.2 N", "0.3 N", "0.7 N", "0.04 N m"])
+        self.assertEqual([row["met"] for row in said.values()][:5], [True, True, False, False, False])
+        self.assertEqual((ours[-2], ours[-1], list(said.values())[-1]["peer"]), ("1 %", "20 %", "7 %"))
+
     def test_a_claim_that_falls_short_is_red_and_one_that_holds_is_not(self):
         rows = {row["claim"]: row for row in report_claims.claims(results())}
         self.assertEqual([row["met"] for claim, row in rows.items() if "published way" in claim], [False])
