@@ -45,7 +45,7 @@ def _strong(figure, axis=None):
     """Of touches as the pack's scene draws them, from 4 mm of plate motion: a figure, of its worst axis unless one is named."""
     def of(results):
         cases = at(results, "scene.cases") or []
-        values = next((case.get(figure) for case in cases if case.get("case", "").startswith("any touch") and "4 mm" in case["case"]), None)
+        values = next((case.get(figure) for case in cases if case["case"] == "any touch of the scene, from 4 mm of plate motion"), None)
         if isinstance(values, list):
             return max(values) if axis is None else values[axis]
         return values
