@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "firmware/input_error.h"
 #include "hostgen/fem/dataset_file.h"
@@ -129,19 +130,26 @@ void walk_path(FingerStatics& statics, const FingerSpec& spec, const TetMesh& me
   }
 }
 
-std::vector<std::string> other_names(const DatasetPlan& plan) {
-  std::vector<std::string> names;
-  for (const Scene& scene : common_scenes()) names.push_back(scene.name);
-  const auto at = std::ranges::find(names, plan.scene);
-  names.erase(names.begin(), at == names.end() ? names.end() - 2 : at + 1);
-  return names;
+/// The scenes that a plan's pack must tell from its own, as every finger has them.
+std::vector<Scene> common_others(const DatasetPlan& plan) {
+  std::vector<Scene> scenes = common_scenes();
+  const auto at = std::ranges::find(scenes, plan.scene, &Scene::name);
+  scenes.erase(scenes.begin(), at == scenes.end() ? scenes.end() - 2 : at + 1);
+  return scenes;
 }
 
-/// Points of each of them.
-int points_of_other(const DatasetPlan& plan) {
-  constexpr double kShare = 0.4;  // of all others, relative to the points of the plan's scene
-  const auto others = static_cast<double>(std::max<std::size_t>(1, other_names(plan).size()));
-  return std::max(1, static_cast<int>(std::lround(kShare * plan.points / others)));
+/// Points of each of them, relative to those of the plan's scene. Most of two pushes are hard to tell from one, and the
+/// more of them are learnt the more are found; a push elsewhere than on the face is told from few.
+std::vector<int> points_of_others(const DatasetPlan& plan) {
+  constexpr double kOnFace = 0.8, kElsewhere = 0.2;  // all scenes of a kind together
+  const std::vector<Scene> others = common_others(plan);
+  std::vector<int> points;
+  for (const Scene& scene : others) {
+    const double share = scene.elsewhere ? kElsewhere : kOnFace;
+    const auto alike = static_cast<double>(std::ranges::count(others, scene.elsewhere, &Scene::elsewhere));
+    points.push_back(std::max(1, static_cast<int>(std::lround(share * plan.points / alike))));
+  }
+  return points;
 }
 
 std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t index) {
@@ -154,7 +162,7 @@ std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t
 
 std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan) {
   std::vector<Scene> others;
-  for (const std::string& name : other_names(plan)) others.push_back(spec.scene(name));
+  for (const Scene& scene : common_others(plan)) others.push_back(spec.scene(scene.name));
   return others;
 }
 
@@ -189,13 +197,14 @@ std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan
   };
   add(spec.scene(plan.scene), plan.points, 0);
   const std::vector<Scene> others = other_scenes(spec, plan);
-  for (std::size_t k = 0; k < others.size(); ++k) add(others[k], points_of_other(plan), k + 1);
+  const std::vector<int> points = points_of_others(plan);
+  for (std::size_t k = 0; k < others.size(); ++k) add(others[k], points[k], k + 1);
   return paths;
 }
 
 std::size_t path_count(const DatasetPlan& plan) {
-  const auto others = static_cast<int>(other_names(plan).size());
-  return static_cast<std::size_t>(plan.points + others * points_of_other(plan));
+  const std::vector<int> others = points_of_others(plan);
+  return static_cast<std::size_t>(std::accumulate(others.begin(), others.end(), plan.points));
 }
 
 std::size_t FemDataset::count(Outcome outcome) const {

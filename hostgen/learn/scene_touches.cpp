@@ -37,18 +37,26 @@ TouchSource touches_of_scene(const FingerSpec& spec, const DatasetPlan& plan) {
   scenes.insert(scenes.begin(), spec.scene(plan.scene));
   return [&spec, scenes](const std::vector<FemState>& states, const std::vector<FemState>& others, std::size_t count,
                          Random& random) {
+    // The plan's scene, then the others: each of them as often, however many states a set holds of it.
+    std::vector<std::vector<const FemState*>> by_scene(scenes.size());
+    for (const std::vector<FemState>* part : {&states, &others}) {
+      for (const FemState& state : *part) {
+        if (state.valid()) by_scene[state.scene].push_back(&state);
+      }
+    }
+    std::erase_if(by_scene, [](const auto& some) { return some.empty(); });
+    const std::size_t of_others =
+        by_scene.size() > 1 ? static_cast<std::size_t>(kOtherShare * static_cast<double>(count)) : 0;
+    const std::size_t of_scene = count - of_others;
     std::vector<TouchSample> touches;
     touches.reserve(count);
-    const std::size_t of_scene =
-        others.empty() ? count : count - static_cast<std::size_t>(kOtherShare * static_cast<double>(count));
     if (!contacts_change(scenes[0]) && !scenes[0].elsewhere) {
       touches = draw_touches(spec, StateInterpolant(states), of_scene, random);
     }
     while (touches.size() < count) {
       if (interrupted()) throw Interrupted();
-      const std::vector<FemState>& from = touches.size() < of_scene ? states : others;
-      const FemState& state = from[random.index(from.size())];
-      if (!state.valid()) continue;
+      const std::size_t scene = touches.size() < of_scene ? 0 : 1 + random.index(by_scene.size() - 1);
+      const FemState& state = *by_scene[scene][random.index(by_scene[scene].size())];
       touches.push_back(between(state, random));
       touches.back().explained = state.scene == 0;
       touches.back().on_face = !scenes[state.scene].elsewhere;

@@ -69,7 +69,9 @@ TEST_CASE("touch stage: gives the float network's numbers within the quantisatio
       worst_mm = std::max(worst_mm, double((touch.point_mm - expected.head<3>()).norm()));
       worst_n = std::max(worst_n, std::abs(double(touch.force_n - std::max(expected[6], 0.0f))));
       CHECK((touch.contact_mm - expected.head<3>() - expected.segment<3>(3)).norm() < 0.5f);
-      const double radius = double(expected.segment<3>(12).array().exp().matrix().norm());
+      const double doubt = std::exp(1 - double(touch.explained));
+      const double radius = double(expected.segment<3>(12).array().exp().matrix().norm()) * std::hypot(1, doubt);
+      CHECK(std::abs(touch.explained - expected[TouchModel::kOutputs - 1]) < 0.2F);
       CHECK(double(touch.radius_68_mm) == doctest::Approx(radius).epsilon(0.05));
       CHECK((touch.force_vector_n.tail<2>() - expected.segment<2>(7)).norm() < 0.1f);
       CHECK((touch.moment_nm - expected.segment<3>(9)).norm() < 0.01f);
@@ -232,6 +234,23 @@ TEST_CASE("touch stage: a motion that no touch of the scene explains is not a to
   TouchStage of_another_finger(model.view());
   of_another_finger.explain_less_likely(0.02F);
   CHECK(of_another_finger.locate(poses_of(kPushed)).point_mm == touch.point_mm);
+}
+
+TEST_CASE("touch stage: the less likely a touch of the scene explains the motion, the wider is the radius") {
+  TouchModelData model = trained().model;
+  model.radius_curve = {0, 0, 1};
+  model.explained_above = -1000;
+  const auto at_odds = [&](float log_odds) {
+    const float were = TouchStage(model.view()).locate(poses_of(kPushed)).explained;
+    model.output_mean.back() += log_odds - were;
+    return TouchStage(model.view()).locate(poses_of(kPushed));
+  };
+  const Touch sure = at_odds(20), doubtful = at_odds(1), unlikely = at_odds(-2);
+  CHECK(doubtful.point_mm == sure.point_mm);
+  CHECK(doubtful.radius_68_mm == doctest::Approx(std::sqrt(2.0) * sure.radius_68_mm));
+  CHECK(unlikely.radius_68_mm == doctest::Approx(std::hypot(1, std::exp(3.0)) * sure.radius_68_mm));
+  model.explained_above = 0;
+  CHECK(at_odds(-500).unexplained);  // the radius is still a number
 }
 
 TEST_CASE("touch stage: what else may have moved the plates widens radius and deviations, and may be the explanation") {
