@@ -109,7 +109,7 @@ CLAIMS = [
     _claim("scene", "The radius also holds 68 % in each case of the pack's scene: off by at most", _percent("scene.worst_coverage_error"), "points", 3),
     _claim("scene", "Touches off by over three radii, worst case of the pack's scene", _worst_lies(True), "%", 0.3),
     _claim("scene", "… worst case of those that it does not contain", _worst_lies(False), "%", 0.3, _least_lies,
-           "the same radii with the best test that the plates allow"),
+           "the best test that the plates allow, at the median radius of touches"),
     _claim("fit", "Force after nine weights, fingers as a workshop makes them: mean error", _percent("fit.after.force_relative"), "%", 5,
            _percent("fit.before.force_relative"), "before the fit"),
     _claim("fit", "… in newtons", "fit.after.force_mean_n", "N", 0.15, "fit.before.force_mean_n", "before the fit"),

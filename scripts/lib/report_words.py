@@ -232,7 +232,8 @@ SECTIONS = {
                     "noise, for contacts that move a plate by 4 mm or more.", ""),
                    ("scene.imitated", ["case", "states", "alike", "alike_off_mm", "found_at_best", "lies_at_best"],
                     "What the best test could find that refuses one in a thousand touches of the scene: the single contact of "
-                    "the scene that moves the plates most like each state of two was searched for.", "")]},
+                    "the scene that moves the plates most like each state of two was searched for. Those that are taken for touches "
+                    "have the median radius of touches of the scene.", "")]},
     "fit": {
         "title": "Fingers as a workshop makes them, before and after nine weights", "area": "fit",
         "code": ["hostgen/render/virtual_finger.h", "hostgen/fit/weight_fit.h"],
