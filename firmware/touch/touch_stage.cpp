@@ -76,7 +76,7 @@ Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, cons
   if (!is_finite(touch)) return nothing;
   widen(noise, motion, doubt, poses.seen, touch);
   nothing.explained = touch.explained;
-  nothing.unexplained = touch.explained < model_.explained_above;
+  nothing.unexplained = touch.explained < model_.explained_above - less_likely_;
   if (nothing.unexplained || !is_finite(touch) || !is_on_face(touch)) return nothing;
   withhold_untold(touch);
   touch.quality = Quality::kFresh;
@@ -124,7 +124,7 @@ Touch TouchStage::read(const Outputs& outputs, float plate_motion_mm) const {
 }
 
 float TouchStage::published_radius_mm(const Touch& touch, const std::array<bool, kPlates>& seen) const {
-  const float doubt = exp_float(kDoubtfulOdds - std::max(touch.explained, kLowestOdds));
+  const float doubt = exp_float(kDoubtfulOdds - std::max(touch.explained + less_likely_, kLowestOdds));
   const float radius_mm = touch.radius_68_mm * std::sqrt(1 + doubt * doubt);
   return model_.seen_factor[seen_index(seen)] *
          calibrated_radius_mm(model_.radius_curve, touch.plate_motion_mm, radius_mm);

@@ -39,7 +39,7 @@ class TouchStage {
     model_.noise_per_mm = noise_per_mm;
   }
   /// For a finger whose own touches are that much less like the pack's (log-odds).
-  void explain_less_likely(float log_odds) { model_.explained_above -= log_odds; }
+  void explain_less_likely(float log_odds) { less_likely_ = log_odds; }
 
   /// The touch that these poses tell of, fresh or invalid; `motion` is pose_vector(poses). Never throws, never
   /// allocates. Invalid below the model's threshold of plate motion, beyond its range (then `over_range` says so),
@@ -77,6 +77,7 @@ class TouchStage {
 
   TouchModel model_;
   float largest_told_;
+  float less_likely_ = 0;         // see explain_less_likely()
   Eigen::AlignedBox3f face_mm_;   ///< of the front face at rest; empty if not known
   std::vector<float> hidden_[2];  // workspace: the hidden layers' activations
   Outputs outputs_{};

@@ -249,6 +249,9 @@ TEST_CASE("touch stage: the less likely a touch of the scene explains the motion
   CHECK(doubtful.point_mm == sure.point_mm);
   CHECK(doubtful.radius_68_mm == doctest::Approx(std::sqrt(2.0) * sure.radius_68_mm));
   CHECK(unlikely.radius_68_mm == doctest::Approx(std::hypot(1, std::exp(3.0)) * sure.radius_68_mm));
+  TouchStage of_another_finger(model.view());  // at -2
+  of_another_finger.explain_less_likely(3);
+  CHECK(of_another_finger.locate(poses_of(kPushed)).radius_68_mm == doctest::Approx(doubtful.radius_68_mm));
   model.explained_above = 0;
   CHECK(at_odds(-500).unexplained);  // the radius is still a number
 }
