@@ -16,9 +16,10 @@ constexpr std::int64_t kMaxNodes = 50'000, kMaxTets = 200'000, kMaxRank = 64, kM
 constexpr std::int64_t kMaxSelfTests = 64;
 
 constexpr float kSmallestScale = 1e-9f, kLargestScale = 1e9f;
-constexpr float kLargestKnot = 1000;        // of the radius curve: mm, or an exponent
-constexpr float kLargestPerG = 100;         // mm or rad
-constexpr float kLargestPerGChange = 1000;  // of that, per mm or rad
+constexpr float kLargestRadiusWeight = 1e4F;  // keeps the network's sums finite
+constexpr float kLargestKnot = 1000;          // of the radius curve: mm, or an exponent
+constexpr float kLargestPerG = 100;           // mm or rad
+constexpr float kLargestPerGChange = 1000;    // of that, per mm or rad
 
 /// Reads tensors and metadata, and refuses tensors that were never asked for.
 class PackReader {
@@ -147,6 +148,10 @@ TouchModel read_touch(PackReader& pack) {
   touch.output_scale = pack.tensor<float>(tensor::kTouchOutputScale, {TouchModel::kOutputs});
   const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMaxKnots);
   touch.radius_curve = pack.tensor<float>(tensor::kTouchRadiusCurve, {knots, 3});
+  constexpr std::int64_t kFeatures = TouchModel::kRadiusFeatures, kHidden = TouchModel::kRadiusHidden;
+  touch.radius_inputs = pack.tensor<float>(tensor::kTouchRadiusInputs, {kFeatures, 2});
+  touch.radius_hidden = pack.tensor<float>(tensor::kTouchRadiusHidden, {kHidden, kFeatures + 1});
+  touch.radius_output = pack.tensor<float>(tensor::kTouchRadiusOutput, {kHidden + 1});
   touch.seen_factor = pack.tensor<float>(tensor::kTouchSeenFactor, {TouchModel::kSeenPatterns});
   touch.face_axes = pack.tensor<float>(tensor::kTouchFaceAxes, {3, 3});
   touch.per_g = pack.tensor<float>(tensor::kTouchPerG, {kPoseDims, 3});
@@ -249,6 +254,11 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   positive(tensor::kTouchInputScale, model.touch.input_scale);
   positive(tensor::kTouchOutputScale, model.touch.output_scale);
   check_radius_curve(file, model.touch.radius_curve);
+  for (const auto& [name, weights] : {std::pair{tensor::kTouchRadiusInputs, model.touch.radius_inputs},
+                                      {tensor::kTouchRadiusHidden, model.touch.radius_hidden},
+                                      {tensor::kTouchRadiusOutput, model.touch.radius_output}}) {
+    check_range(file, name, weights, -kLargestRadiusWeight, kLargestRadiusWeight);
+  }
   positive(tensor::kTouchSeenFactor, model.touch.seen_factor);
   check_face_axes(file, model.touch.face_axes);
   check_range(file, tensor::kTouchPerG, model.touch.per_g, -kLargestPerG, kLargestPerG);

@@ -74,6 +74,12 @@ struct TouchModel {
   /// [knots, 3] plate motion (mm, ascending), a, b: the radius at that motion is exp(a) times the network's to the b,
   /// linear in between, constant beyond.
   std::span<const float> radius_curve;
+  /// The radius network (radius_factor()): one hidden layer, algebraic_silu(); it answers the logarithm of a factor of
+  /// that radius.
+  static constexpr int kRadiusFeatures = 7, kRadiusHidden = 8;
+  std::span<const float> radius_inputs;  ///< [kRadiusFeatures, 2] mean, and what multiplies (feature - mean)
+  std::span<const float> radius_hidden;  ///< [kRadiusHidden, kRadiusFeatures + 1] weights, then the bias
+  std::span<const float> radius_output;  ///< [kRadiusHidden + 1] weights, then the bias
   /// [kSeenPatterns] factors of that radius where only some plates are seen, at seen_index(); the last is 1.
   std::span<const float> seen_factor;
   std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 512 -> 22, algebraic_silu() between
@@ -178,6 +184,9 @@ inline constexpr const char* kTouchInputScale = "touch.input_scale";
 inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
 inline constexpr const char* kTouchRadiusCurve = "touch.radius_curve";
+inline constexpr const char* kTouchRadiusInputs = "touch.radius_inputs";
+inline constexpr const char* kTouchRadiusHidden = "touch.radius_hidden";
+inline constexpr const char* kTouchRadiusOutput = "touch.radius_output";
 inline constexpr const char* kTouchSeenFactor = "touch.seen_factor";
 inline constexpr const char* kTouchFaceAxes = "touch.face_axes";              // [3, 3]
 inline constexpr const char* kTouchPerG = "touch.motion_per_g";               // [kPoseDims, 3]
@@ -203,7 +212,7 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "5";
+inline constexpr const char* kFormatVersion = "6";
 inline constexpr const char* kFinger = "finger";
 inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";

@@ -7,6 +7,7 @@
 
 #include "firmware/touch/features.h"
 #include "firmware/touch/int8_network.h"
+#include "firmware/touch/radius_network.h"
 
 namespace finsight {
 
@@ -15,17 +16,6 @@ namespace {
 // The touch error of a shaken finger as a part of Shake's second difference (hostgen render --event
 // shaken).
 constexpr float kShiftPerShake = 0.75F;
-
-// At these log-odds of a touch of the scene its radius is sqrt(2) times what it would be without doubt. On the states
-// of hostgen report, area scene, that and the exponent take a sixth of the two pushes that are off by over three radii,
-// and cost touches one in two thousand; the mean square of the error over both cases would cost them twice that.
-constexpr float kDoubtfulOdds = 1;
-constexpr float kLowestOdds = -10;  // that are distinguished: squares of the radius stay finite
-
-// Through double, whose last-digit differences between C libraries vanish in the rounding to float.
-float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
-
-float log_float(float x) { return static_cast<float>(std::log(static_cast<double>(x))); }
 
 // Motions far beyond those of any finger overflow somewhere in the network.
 bool is_finite(const Touch& touch) {
@@ -124,10 +114,9 @@ Touch TouchStage::read(const Outputs& outputs, float plate_motion_mm) const {
 }
 
 float TouchStage::published_radius_mm(const Touch& touch, const std::array<bool, kPlates>& seen) const {
-  const float doubt = exp_float(kDoubtfulOdds - std::max(touch.explained + less_likely_, kLowestOdds));
-  const float radius_mm = touch.radius_68_mm * std::sqrt(1 + doubt * doubt);
-  return model_.seen_factor[seen_index(seen)] *
-         calibrated_radius_mm(model_.radius_curve, touch.plate_motion_mm, radius_mm);
+  const float radius_mm = calibrated_radius_mm(model_.radius_curve, touch.plate_motion_mm, touch.radius_68_mm);
+  const RadiusFeatures features = radius_features(touch, touch.explained + less_likely_, radius_mm);
+  return model_.seen_factor[seen_index(seen)] * radius_factor(model_, features) * radius_mm;
 }
 
 // On another finger than the pack's the network must not read the plates' motion to the last micrometre: told of more

@@ -48,12 +48,12 @@ class TouchStage {
   /// training set; and where no touch of the model's scene explains the motion (then `unexplained` says so). Plates
   /// that are not seen must have been completed.
   ///
-  /// radius_68_mm is the length of the network's three standard deviations (x, y, z), wider where something else than
-  /// such a touch may as well have moved the plates. Were the errors normal, that ball would hold 68.3 % of them if
-  /// they lay on a line and 63.2 % if they were round in a plane, the touched face; the model's radius curve makes it
-  /// hold 68 % of the errors on held-out states, whatever the plate motion, and its factors do the same whichever
-  /// plates are seen. Components of force and moment that the plates do not tell are NaN, with their deviations;
-  /// force_n never is.
+  /// radius_68_mm is the length of the network's three standard deviations (x, y, z). Were the errors normal, that ball
+  /// would hold 68.3 % of them if they lay on a line and 63.2 % if they were round in a plane, the touched face; the
+  /// model's radius curve makes it hold 68 % of the errors on held-out states, whatever the plate motion, its radius
+  /// network about as many of every kind of touch, wider where something else may as well have moved the plates, and
+  /// its factors do the same whichever plates are seen. Components of force and moment that the plates do not tell are
+  /// NaN, with their deviations; force_n never is.
   ///
   /// A `doubt` widens the radius and the deviations: the network knows fingers that stand still, zeroed, and bent by
   /// nothing but touch. For everything else that may have moved the plates the network is asked once more, with the

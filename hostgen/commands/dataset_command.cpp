@@ -31,10 +31,12 @@ Shard parse_shard(const std::string& text) {
 }
 
 void print_summary(const std::filesystem::path& file, const FemDataset& dataset) {
-  std::printf("%s: %zu states: %zu valid, %zu pushed too far, %zu buckled, %zu not converged; %zu of other scenes\n",
-              file.c_str(), dataset.states.size(), dataset.count(Outcome::kEquilibrium),
-              dataset.count(Outcome::kPushedTooFar), dataset.count(Outcome::kNoEquilibrium),
-              dataset.count(Outcome::kNotConverged), dataset.others.size());
+  std::printf(
+      "%s: %zu states: %zu valid, %zu pushed too far, %zu buckled, %zu not converged; %zu of other scenes, "
+      "%zu kept from learning\n",
+      file.c_str(), dataset.states.size(), dataset.count(Outcome::kEquilibrium), dataset.count(Outcome::kPushedTooFar),
+      dataset.count(Outcome::kNoEquilibrium), dataset.count(Outcome::kNotConverged), dataset.others.size(),
+      dataset.kept.size());
 }
 
 void run(const Options& options) {

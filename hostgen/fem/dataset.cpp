@@ -34,6 +34,7 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
   return {.spec_sha256 = spec.sha256,
           .states = {},
           .others = {},
+          .kept = {},
           .node_displacement_mm = {},
           .mesh_nodes = mesh.node_mm.size(),
           .plan = plan,
@@ -121,12 +122,12 @@ void walk_path(FingerStatics& statics, const FingerSpec& spec, const TetMesh& me
       path.node_displacement_mm.insert(path.node_displacement_mm.end(), displacement.begin(), displacement.end());
     }
     // What lies between states of frictionless points is interpolated.
-    const bool is_interpolated = load.scene == 0 && !contacts_change(load.of);
-    if (state.valid() && !is_interpolated) {
+    const bool is_interpolated = load.scene == 0 && !contacts_change(load.of), is_kept = load.scene >= kFirstKept;
+    if (state.valid() && !is_interpolated && !is_kept) {
       const double step_n = (range_n[1] - range_n[0]) / std::max(1, path.plan.forces - 1);
       state.nearby = states_nearby(statics, spec, load, k, path.plan.forces, step_n, random);
     }
-    (load.scene == 0 ? path.states : path.others).push_back(std::move(state));
+    states_of_scene(path, load.scene).push_back(std::move(state));
   }
 }
 
@@ -152,6 +153,38 @@ std::vector<int> points_of_others(const DatasetPlan& plan) {
   return points;
 }
 
+/// Of a kind that is kept from learning; of another scene's, which holds more of different touches, more.
+int kept_points(const DatasetPlan& plan, bool is_of_scene) {
+  constexpr int kPlanPoints = 13, kMorePoints = 4;  // one in as many; times as many
+  const int points = (plan.points + kPlanPoints - 1) / kPlanPoints;
+  return is_of_scene ? points : kMorePoints * points;
+}
+
+void add_kept_paths(const FingerSpec& spec, const DatasetPlan& plan, std::vector<LoadPath>& paths) {
+  std::vector<Scene> scenes(kKindsOfTouch, spec.scene(plan.scene));
+  for (const Scene& scene : other_scenes(spec, plan)) {
+    if (!scene.elsewhere) scenes.push_back(scene);
+  }
+  for (std::size_t kind = 0; kind < scenes.size(); ++kind) {
+    const int points = kept_points(plan, kind < kKindsOfTouch);
+    const double spacing = spacing_mm(spec, points);
+    for (const Vec3f& point_mm : touch_points(spec, points)) {
+      Random random(paths.size());
+      LoadPath path{.contacts = {},
+                    .scene = static_cast<std::uint8_t>(kFirstKept + kind),
+                    .of = scenes[kind],
+                    .spacing_mm = spacing};
+      for (int k = 0; k < plan.forces; ++k) {
+        const Eigen::Vector2d near_mm = place_near(spec, point_mm.head<2>().cast<double>(), spacing, random);
+        path.contacts.push_back(kind < kKindsOfTouch
+                                    ? draw_kind(spec, scenes[kind], static_cast<int>(kind), near_mm, random)
+                                    : draw_contacts(spec, scenes[kind], near_mm, random));
+      }
+      paths.push_back(std::move(path));
+    }
+  }
+}
+
 std::filesystem::path path_file(const std::filesystem::path& folder, std::size_t index) {
   std::string number = std::to_string(index);
   number.insert(0, number.size() < 5 ? 5 - number.size() : 0, '0');
@@ -164,6 +197,11 @@ std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan)
   std::vector<Scene> others;
   for (const Scene& scene : common_others(plan)) others.push_back(spec.scene(scene.name));
   return others;
+}
+
+int kept_kinds(const DatasetPlan& plan) {
+  const std::vector<Scene> others = common_others(plan);
+  return kKindsOfTouch + static_cast<int>(std::ranges::count(others, false, &Scene::elsewhere));
 }
 
 bool contacts_change(const Scene& scene) {
@@ -199,12 +237,16 @@ std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan
   const std::vector<Scene> others = other_scenes(spec, plan);
   const std::vector<int> points = points_of_others(plan);
   for (std::size_t k = 0; k < others.size(); ++k) add(others[k], points[k], k + 1);
+  add_kept_paths(spec, plan, paths);
   return paths;
 }
 
 std::size_t path_count(const DatasetPlan& plan) {
   const std::vector<int> others = points_of_others(plan);
-  return static_cast<std::size_t>(std::accumulate(others.begin(), others.end(), plan.points));
+  const int learnt = std::accumulate(others.begin(), others.end(), plan.points);
+  const int of_others = kept_kinds(plan) - kKindsOfTouch;
+  return static_cast<std::size_t>(learnt + kKindsOfTouch * kept_points(plan, true) +
+                                  of_others * kept_points(plan, false));
 }
 
 std::size_t FemDataset::count(Outcome outcome) const {

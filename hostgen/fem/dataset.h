@@ -31,7 +31,7 @@ struct FemState {
   float spread_mm = 0;                   ///< RMS distance of the pressure from its centre
   std::array<PlateMotion, kPlates> plates;
   float front_rms_mm = 0;  ///< of touch paths only: RMS displacement of the front face (sets hold every node's)
-  std::uint8_t scene = 0;  ///< 0: of the plan; else number of the other one, see other_scenes()
+  std::uint8_t scene = 0;  ///< 0: of the plan; else number of the other one, see other_scenes(); or kFirstKept + kind
   std::int32_t step = 0;   ///< of its path, from 0: see LoadPath::contacts_at()
   Outcome outcome =
       Outcome::kEquilibrium;  ///< after a failure the path's higher forces are not tried and carry the same outcome
@@ -57,7 +57,13 @@ struct DatasetPlan {
 /// a scene of the spec's own the last two.
 std::vector<Scene> other_scenes(const FingerSpec& spec, const DatasetPlan& plan);
 
-/// How many states are sought near each.
+/// Touches that no network learns: what its radius is calibrated on. First those of the plan's scene by kind
+/// (draw_kind()), then those of the other scenes on the face, each a kind of its own.
+inline constexpr std::uint8_t kFirstKept = 100;
+/// Of how many kinds.
+int kept_kinds(const DatasetPlan& plan);
+
+/// How many states are sought near each, unless it is kept from learning.
 inline constexpr int kNearby = 12;
 
 /// Whether every state of a path has contacts of its own. Where a scene knows nothing but frictionless points, the
@@ -77,8 +83,8 @@ struct LoadPath {
     return contacts.size() == 1 ? contacts.front() : contacts.at(static_cast<std::size_t>(step));
   }
 };
-/// All paths of a plan in their order: `plan.points` of its scene, then some of each other scene. The same arguments
-/// give the same contacts.
+/// All paths of a plan in their order: `plan.points` of its scene, then some of each other scene, then those that are
+/// kept from learning. The same arguments give the same contacts.
 std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan);
 /// How many they are.
 std::size_t path_count(const DatasetPlan& plan);
@@ -88,6 +94,7 @@ struct FemDataset {
   std::string spec_sha256;
   std::vector<FemState> states;             ///< of the plan's scene, ordered by path, then by force
   std::vector<FemState> others = {};        ///< the same of the other scenes; their paths go on counting
+  std::vector<FemState> kept = {};          ///< and of what is not learnt
   std::vector<float> node_displacement_mm;  ///< [states][3 * mesh nodes]: displacement of every (corner) mesh node
   std::size_t mesh_nodes = 0;
   DatasetPlan plan = {};
@@ -97,7 +104,7 @@ struct FemDataset {
   std::size_t count(Outcome outcome) const;
 };
 
-/// Those of the plan's scene, then the others'.
+/// Those of the plan's scene, then the others', then those that are kept.
 std::vector<FemState> all_states(const FemDataset& dataset);
 
 /// Shard `index` (from 0) of `count` holds the paths index, index + count, ...

@@ -16,9 +16,9 @@ constexpr std::size_t kDatasetLimit_bytes = std::size_t{16} << 30;
 // Force, point, contact, force vector, moment, spread, plates.
 constexpr std::size_t kPlateNumbers = 1 + 3 + 3 + 3 + 3 + 1;  // where those of the plates begin
 constexpr std::size_t kStateNumbers = kPlateNumbers + kPoseDims;
-constexpr const char* kFormat = "7";
+constexpr const char* kFormat = "8";
 
-constexpr std::int32_t kMaxScene = 9;
+constexpr std::int32_t kMaxScene = 9, kMaxKind = 99;
 
 int count_in(const SafetensorsFile& in, const std::string& key) {
   const std::string& text = in.metadata(key);
@@ -73,6 +73,7 @@ FemState state_of(const float* row) {
 std::vector<FemState> all_states(const FemDataset& dataset) {
   std::vector<FemState> all = dataset.states;
   all.insert(all.end(), dataset.others.begin(), dataset.others.end());
+  all.insert(all.end(), dataset.kept.begin(), dataset.kept.end());
   return all;
 }
 
@@ -131,6 +132,7 @@ FemDataset read_dataset(const std::filesystem::path& file) {
   FemDataset dataset{.spec_sha256 = in.metadata("spec_sha256"),
                      .states = {},
                      .others = {},
+                     .kept = {},
                      .node_displacement_mm = {displacement.begin(), displacement.end()},
                      .mesh_nodes = static_cast<std::size_t>(in.shape("node_displacement_mm")[1]),
                      .plan = {count_in(in, "points"), count_in(in, "forces"), in.metadata("scene")},
@@ -139,8 +141,9 @@ FemDataset read_dataset(const std::filesystem::path& file) {
   for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
     if (outcome[i] > 3) in.refuse("outcome", std::to_string(outcome[i]), "0, 1, 2 or 3");
     const std::int32_t* label = &labels[3 * i];
-    if (label[2] < 0 || label[2] > kMaxScene) {
-      in.refuse("path_node_scene", std::to_string(label[2]), "a scene from 0 to " + std::to_string(kMaxScene));
+    if (label[2] < 0 || (label[2] > kMaxScene && (label[2] < kFirstKept || label[2] > kFirstKept + kMaxKind))) {
+      in.refuse("path_node_scene", std::to_string(label[2]),
+                "a scene from 0 to " + std::to_string(kMaxScene) + " or a kind from " + std::to_string(kFirstKept));
     }
     if (label[0] < 0 || (label[0] < dataset.plan.points) != (label[2] == 0)) {
       in.refuse("path_node_scene", "path " + std::to_string(label[0]) + " of scene " + std::to_string(label[2]),
@@ -159,7 +162,7 @@ FemDataset read_dataset(const std::filesystem::path& file) {
       in.refuse("nearby_count", std::to_string(nearby_count[i]), "no more than are there");
     }
     for (int k = 0; k < nearby_count[i]; ++k) state.nearby.push_back(state_of(&nearby[kStateNumbers * next_nearby++]));
-    (state.scene == 0 ? dataset.states : dataset.others).push_back(state);
+    states_of_scene(dataset, state.scene).push_back(state);
     const std::size_t first = i - i % static_cast<std::size_t>(dataset.plan.forces);
     if (state.path != labels[3 * first]) {
       in.refuse("path_node_scene", std::to_string(state.path), "all forces of a path together");
@@ -177,9 +180,15 @@ FemDataset read_dataset(const std::filesystem::path& file) {
   return dataset;
 }
 
+std::vector<FemState>& states_of_scene(FemDataset& dataset, std::uint8_t scene) {
+  if (scene >= kFirstKept) return dataset.kept;
+  return scene == 0 ? dataset.states : dataset.others;
+}
+
 void append(const FemDataset& part, FemDataset& whole) {
   whole.states.insert(whole.states.end(), part.states.begin(), part.states.end());
   whole.others.insert(whole.others.end(), part.others.begin(), part.others.end());
+  whole.kept.insert(whole.kept.end(), part.kept.begin(), part.kept.end());
   whole.node_displacement_mm.insert(whole.node_displacement_mm.end(), part.node_displacement_mm.begin(),
                                     part.node_displacement_mm.end());
 }
@@ -204,13 +213,14 @@ FemDataset merge_datasets(const std::vector<std::filesystem::path>& files) {
   // Where the states of each path begin: in which shard, at which of its states.
   struct Place {
     std::size_t shard, state;
+    std::uint8_t scene;
   };
   std::map<std::int32_t, Place> places;
   for (std::size_t s = 0; s < shards.size(); ++s) {
     const auto forces = static_cast<std::size_t>(shards[s].plan.forces);
-    for (const auto* states : {&shards[s].states, &shards[s].others}) {
+    for (const auto* states : {&shards[s].states, &shards[s].others, &shards[s].kept}) {
       for (std::size_t i = 0; i < states->size(); i += forces) {
-        const auto [place, is_new] = places.try_emplace((*states)[i].path, Place{s, i});
+        const auto [place, is_new] = places.try_emplace((*states)[i].path, Place{s, i, (*states)[i].scene});
         if (is_new) continue;
         throw InputError(files[s].string(), "path " + std::to_string(place->first) + " is in " +
                                                 files[place->second.shard].string() + " as well");
@@ -220,17 +230,17 @@ FemDataset merge_datasets(const std::vector<std::filesystem::path>& files) {
   FemDataset whole = shards.front();
   whole.states.clear();
   whole.others.clear();
+  whole.kept.clear();
   whole.node_displacement_mm.clear();
   const auto count = static_cast<std::ptrdiff_t>(whole.plan.forces);
   const auto size = static_cast<std::ptrdiff_t>(3 * whole.mesh_nodes);
   for (const auto& [path, place] : places) {
-    const FemDataset& shard = shards[place.shard];
+    FemDataset& shard = shards[place.shard];
     const auto from = static_cast<std::ptrdiff_t>(place.state);
-    const bool is_other = path >= whole.plan.points;
-    const std::vector<FemState>& states = is_other ? shard.others : shard.states;
-    std::vector<FemState>& all = is_other ? whole.others : whole.states;
+    const std::vector<FemState>& states = states_of_scene(shard, place.scene);
+    std::vector<FemState>& all = states_of_scene(whole, place.scene);
     all.insert(all.end(), states.begin() + from, states.begin() + from + count);
-    if (is_other) continue;
+    if (place.scene != 0) continue;
     whole.node_displacement_mm.insert(whole.node_displacement_mm.end(),
                                       shard.node_displacement_mm.begin() + from * size,
                                       shard.node_displacement_mm.begin() + (from + count) * size);

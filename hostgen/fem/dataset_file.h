@@ -5,6 +5,8 @@
 
 namespace finsight::host {
 
+/// Those of the plan's scene, of the others or of the kept touches: where such a state belongs.
+std::vector<FemState>& states_of_scene(FemDataset& dataset, std::uint8_t scene);
 /// Adds the states of `part` behind those of `whole`.
 void append(const FemDataset& part, FemDataset& whole);
 /// Throws InputError unless both belong to the same spec, mesh and plan.

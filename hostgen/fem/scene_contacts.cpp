@@ -12,12 +12,14 @@ namespace {
 
 constexpr double kPointShare = 0.25;         // of the round patches: too small for their size to matter
 constexpr double kFrictionlessShare = 0.15;  // of the touches in a scene with friction
-// Of the touches with friction: an object that slides rubs as much as it can. Were the largest friction the rarest, as it
-// is along any one direction of a disc, the network would take it for less.
+// Of the touches with friction: an object that slides rubs as much as it can. Were the largest friction the rarest, as
+// it is along any one direction of a disc, the network would take it for less.
 constexpr double kSlidingShare = 0.5;
-constexpr double kWholeWidthShare = 0.5;     // of the lines: longer than the face is wide
-constexpr double kLevelShare = 0.6;          // of the lines: across the finger, but for some degrees
+constexpr double kWholeWidthShare = 0.5;  // of the lines: longer than the face is wide ...
+constexpr double kWholeWidths = 1.5;      // ... by so many times
+constexpr double kLevelShare = 0.6;       // of the lines: across the finger, but for some degrees
 constexpr double kLevel_rad = 0.3;
+constexpr std::array kPressures = {Pressure::kRound, Pressure::kEven, Pressure::kFlatEnd};
 constexpr double kShortestLine_mm = 4, kWidestLine_mm = 6;
 // A network that never met more than the scene's friction takes all that comes near it for less.
 constexpr double kBeyondFriction = 1.25;
@@ -46,7 +48,7 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
   if (random.uniform() < scene.line_share) {
     const double face_mm = 2 * spec.half_width.at(place_mm.y());
     const bool whole = random.uniform() < kWholeWidthShare;
-    contact.half_length_mm = 0.5 * (whole ? 1.5 * face_mm : random.uniform(kShortestLine_mm, face_mm));
+    contact.half_length_mm = 0.5 * (whole ? kWholeWidths * face_mm : random.uniform(kShortestLine_mm, face_mm));
     if (whole) contact.centre_mm.x() = 0;
     const double steepest = random.uniform() < kLevelShare ? kLevel_rad : 0.5 * std::numbers::pi;
     contact.angle_rad = random.uniform(-steepest, steepest);
@@ -54,7 +56,7 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
     contact.pressure = random.uniform() < 0.5 ? Pressure::kRound : Pressure::kEven;
   } else if (scene.patch_radius_mm > 0 && random.uniform() >= kPointShare) {
     contact.radius_mm = random.uniform(0, scene.patch_radius_mm);
-    contact.pressure = std::array{Pressure::kRound, Pressure::kEven, Pressure::kFlatEnd}[random.index(3)];
+    contact.pressure = kPressures[random.index(kPressures.size())];
   }
   if (scene.friction > 0) {
     if (random.uniform() >= kFrictionlessShare) {
@@ -62,6 +64,31 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
       contact.friction = slides ? on_circle(scene.friction, random) : in_disc(scene.friction, random);
     }
     contact.follow = random.uniform();
+  }
+  return contact;
+}
+
+/// See kKindsOfTouch. `drawn`: of the scene; what is left of it is how far it follows the face, and its share.
+FaceContact contact_of_kind(const FingerSpec& spec, const Scene& scene, int kind, const FaceContact& drawn,
+                            const Eigen::Vector2d& place_mm, Random& random) {
+  constexpr int kFirstPatch = 10, kLine = 13, kThirds = 3;
+  constexpr double kAside_rad = 0.3;  // a force points away from the base, towards it or across within this
+  FaceContact contact{
+      .centre_mm = place_mm, .full_force_n = drawn.full_force_n, .follow = drawn.follow, .share = drawn.share};
+  if (kind > 0 && kind < kFirstPatch) {
+    const double friction = scene.friction * ((kind - 1) / kThirds + 1) / kThirds;
+    const double across_rad = random.uniform() < 0.5 ? 0 : std::numbers::pi;
+    const double directions_rad[] = {0.5 * std::numbers::pi, -0.5 * std::numbers::pi, across_rad};
+    const double angle_rad = directions_rad[(kind - 1) % kThirds] + random.uniform(-kAside_rad, kAside_rad);
+    contact.friction = friction * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
+  } else if (kind >= kFirstPatch && kind < kLine) {
+    contact.radius_mm = scene.patch_radius_mm * (kind - kFirstPatch + random.uniform()) / kThirds;
+    contact.pressure = kPressures[random.index(kPressures.size())];
+  } else if (kind == kLine && scene.line_share > 0) {
+    contact.centre_mm.x() = 0;
+    contact.half_length_mm = kWholeWidths * spec.half_width.at(place_mm.y());
+    contact.angle_rad = random.uniform(-kLevel_rad, kLevel_rad);
+    contact.radius_mm = 0.5 * random.uniform(0, kWidestLine_mm);
   }
   return contact;
 }
@@ -112,6 +139,14 @@ std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scen
   contacts.push_back(draw_contact(spec, scene, best, random));
   contacts[0].share = random.uniform(0.25, 0.75);
   contacts[1].share = 1 - contacts[0].share;
+  return contacts;
+}
+
+std::vector<FaceContact> draw_kind(const FingerSpec& spec, const Scene& scene, int kind,
+                                   const Eigen::Vector2d& place_mm, Random& random) {
+  std::vector<FaceContact> contacts = draw_contacts(spec, scene, place_mm, random);
+  if (scene.elsewhere) return contacts;
+  contacts.front() = contact_of_kind(spec, scene, kind, contacts.front(), place_mm, random);
   return contacts;
 }
 

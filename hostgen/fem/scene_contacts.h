@@ -14,6 +14,15 @@ namespace finsight::host {
 std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scene, const Eigen::Vector2d& place_mm,
                                        Random& random);
 
+/// Touches of a scene by what the plates hardly tell of them: a point; a point with a third, two thirds and all of the
+/// scene's friction, each away from the base, towards it and across; round patches of up to a third, two thirds and all
+/// of the scene's size; lines over the whole width. Where a scene has no friction, no patches or no lines, those are
+/// points.
+inline constexpr int kKindsOfTouch = 14;
+/// The same as draw_contacts(), the first contact of this kind, from 0.
+std::vector<FaceContact> draw_kind(const FingerSpec& spec, const Scene& scene, int kind,
+                                   const Eigen::Vector2d& place_mm, Random& random);
+
 /// A place of the touched part of the face, about `distance_mm` away.
 Eigen::Vector2d place_near(const FingerSpec& spec, const Eigen::Vector2d& place_mm, double distance_mm, Random& random);
 

@@ -55,6 +55,7 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
       trials.back().wrench_error << touch.force_vector_n - truth.force_vector_n, touch.moment_nm - truth.moment_nm;
       trials.back().explained = touch.explained;
       trials.back().scene = state.scene;
+      trials.back().radius_features = radius_features(touch, touch.explained, touch.radius_68_mm);
       trials.back().wrench_sigma << touch.force_vector_sigma_n, touch.moment_sigma_nm;
     }
   }

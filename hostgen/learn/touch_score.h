@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware/touch/radius_network.h"
 #include "hostgen/learn/touch_network.h"
 
 namespace finsight::host {
@@ -17,6 +18,7 @@ struct TouchTrial {
   float float_error_mm = 0;   ///< error of the float network's point
   float explained = 0;        ///< Touch::explained
   std::uint8_t scene = 0;     ///< FemState::scene
+  RadiusFeatures radius_features = {};
   /// Force (normal, across, along; N) and moment (x, y, z; N m).
   Eigen::Array<float, 6, 1> wrench_error = Eigen::Array<float, 6, 1>::Zero(), wrench_sigma = wrench_error;
 };

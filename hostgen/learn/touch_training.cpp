@@ -4,7 +4,9 @@
 #include <cstdio>
 #include <optional>
 
+#include "hostgen/fem/scene_contacts.h"
 #include "hostgen/finger/plate_geometry.h"
+#include "hostgen/learn/radius_training.h"
 #include "hostgen/learn/split.h"
 #include "hostgen/learn/touch_score.h"
 #include "hostgen/util/common.h"
@@ -206,6 +208,7 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   paths_run.split = without_paths(states, others);
   final_run.split.train = states;
   final_run.split.other_train = others;
+  final_run.split.test = valid_states(dataset.kept);
   Progress progress("touch network", runs.size() * static_cast<std::size_t>(plan.steps));
   const TouchSource between_states = [&](const std::vector<FemState>& some, const std::vector<FemState>&,
                                          std::size_t count, Random& random) {
@@ -231,6 +234,8 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   Run& calibrated = is_alone ? random_run : paths_run;
   const Calibration& calibration = is_alone ? by_states : by_paths;
   apply(calibration, final_run.trained->model);
+  const std::vector<TouchTrial> kept = final_run.noisy_trials(spec, prior, seed);
+  fit_radius_network(kept, spec.threshold_mm, final_run.trained->model);
   const std::vector<TouchTrial> noisy = cross_calibrated(raw, spec.threshold_mm);
   result.held_out_clean = score(paths_run.clean_trials(prior), spec.threshold_mm);
   result.held_out_noisy = score(noisy, spec.threshold_mm);

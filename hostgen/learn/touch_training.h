@@ -26,6 +26,11 @@ PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseN
 struct TouchModelData {
   std::vector<float> scale, input_mean, input_scale, output_mean, output_scale;
   std::vector<float> radius_curve = {0, 0, 1};  ///< uncalibrated
+  /// Answers 1.
+  std::vector<float> radius_inputs = std::vector<float>(2 * TouchModel::kRadiusFeatures, 0.0F);
+  std::vector<float> radius_hidden =
+      std::vector<float>(TouchModel::kRadiusHidden * (TouchModel::kRadiusFeatures + 1), 0.0F);
+  std::vector<float> radius_output = std::vector<float>(TouchModel::kRadiusHidden + 1, 0.0F);
   std::vector<float> seen_factor = std::vector<float>(TouchModel::kSeenPatterns, 1.0F);
   std::vector<float> face_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   std::vector<float> per_g = std::vector<float>(3 * kPoseDims, 0.0F);

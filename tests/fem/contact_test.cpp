@@ -121,6 +121,35 @@ TEST_CASE("contact: what lies beside the face carries nothing, and a contact bes
   CHECK_THROWS_AS(ContactLoad(*column(), {{.centre_mm = {60, 40}}}), std::invalid_argument);
 }
 
+TEST_CASE("scene contacts: kinds of touch differ by friction and patch, as far as the scene has them") {
+  const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
+  const Eigen::Vector2d place_mm(3, 60);
+  Random random(2);
+  for (int kind = 0; kind < kKindsOfTouch; ++kind) {
+    CAPTURE(kind);
+    const FaceContact contact = draw_kind(spec, spec.scene("grasp"), kind, place_mm, random).at(0);
+    const Eigen::Vector2d& friction = contact.friction;
+    const bool rubs = kind >= 1 && kind <= 9, is_patch = kind >= 10 && kind <= 12, is_line = kind == 13;
+    CHECK(friction.norm() == doctest::Approx(rubs ? 0.2 * ((kind - 1) / 3 + 1) : 0));
+    if (rubs && kind % 3 == 1) CHECK(friction.y() > 0.9 * friction.norm());
+    if (rubs && kind % 3 == 2) CHECK(friction.y() < -0.9 * friction.norm());
+    if (rubs && kind % 3 == 0) CHECK(std::abs(friction.x()) > 0.9 * friction.norm());
+    if (is_patch) CHECK(contact.radius_mm >= 4 * (kind - 10));
+    if (is_patch) CHECK(contact.radius_mm <= 4 * (kind - 9));
+    if (!is_patch && !is_line) CHECK(contact.radius_mm == 0);
+    CHECK((contact.half_length_mm > spec.half_width.at(60)) == is_line);
+    CHECK(contact.centre_mm == (is_line ? Eigen::Vector2d(0, 60) : place_mm));
+
+    const FaceContact point = draw_kind(spec, spec.scene("probe"), kind, place_mm, random).at(0);
+    CHECK(point.friction.norm() == 0);
+    CHECK(point.radius_mm == 0);
+    CHECK(point.half_length_mm == 0);
+    const std::vector<FaceContact> two = draw_kind(spec, spec.scene("two"), kind, place_mm, random);
+    REQUIRE(two.size() == 2);
+    CHECK(two[0].share + two[1].share == doctest::Approx(1));
+  }
+}
+
 TEST_CASE("scene contacts: stay within the scene's numbers and are the same for the same seed") {
   const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
   for (const Scene& scene : common_scenes()) {

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "firmware/input_error.h"
+#include "hostgen/fem/scene_contacts.h"
 #include "hostgen/util/common.h"
 #include "tests/fem/box_mesh.h"
 #include "tests/model/scratch_folder.h"
@@ -84,8 +85,29 @@ TEST_CASE("dataset: beside the scene it holds what a pack for the scene must not
     CHECK(dataset.others[i].scene == scenes[i / 3]);
     CHECK(dataset.others[i].path == static_cast<int>(4 + i / 3));
   }
-  CHECK(path_count(kPlan) == 9);
+  CHECK(path_count(kPlan) == 9 + kKindsOfTouch + 2 * 4);  // and those that are kept from learning
   CHECK(other_scenes(test::small_finger_spec(), {.scene = "grasp"}).size() == 2);
+}
+
+TEST_CASE("dataset: touches of every kind, and of every other scene on the face, are kept from learning") {
+  const FemDataset dataset = small_dataset();
+  CHECK(kept_kinds(kPlan) == kKindsOfTouch + 2);
+  CHECK(kept_kinds({.scene = "grasp"}) == kKindsOfTouch + 1);
+  REQUIRE(dataset.kept.size() == 3 * (kKindsOfTouch + 2 * 4));
+  std::vector<int> states(static_cast<std::size_t>(kept_kinds(kPlan)), 0);
+  for (const FemState& state : dataset.kept) {
+    REQUIRE(state.scene >= kFirstKept);
+    ++states.at(state.scene - kFirstKept);
+    CHECK(state.path >= 9);
+    CHECK(state.nearby.empty());
+  }
+  for (std::size_t kind = 0; kind < states.size(); ++kind) CHECK(states[kind] == (kind < kKindsOfTouch ? 3 : 12));
+  const std::vector<LoadPath> paths = load_paths(test::small_finger_spec(), {.points = 4, .scene = "grasp"});
+  const LoadPath& sliding = paths.at(paths.size() - 4 - kKindsOfTouch + 8);
+  for (int k = 0; k < 7; ++k) {
+    CHECK(sliding.contacts_at(k)[0].friction.norm() == doctest::Approx(0.6));
+    CHECK(sliding.contacts_at(k)[0].friction.y() < -0.5);  // towards the base
+  }
 }
 
 TEST_CASE("dataset: where a scene has more than frictionless points every state has contacts of its own") {
@@ -111,7 +133,9 @@ TEST_CASE("dataset: near each state lie others, unless they can be interpolated"
   const FingerSpec spec = test::small_finger_spec();
   const FemDataset grasp =
       make_dataset(spec, test::small_finger_mesh(), {.points = 4, .forces = 3, .scene = "grasp"});
-  for (const FemState& state : all_states(grasp)) {
+  std::vector<FemState> learnt = grasp.states;
+  learnt.insert(learnt.end(), grasp.others.begin(), grasp.others.end());
+  for (const FemState& state : learnt) {
     REQUIRE(state.valid());
     CHECK(state.nearby.size() > kNearby / 2);
     const float step_n = 0.15F, highest_n = state.step == 2 ? 1.25F * state.force_n : state.force_n + 0.5F * step_n;

@@ -123,6 +123,23 @@ TEST_CASE("touch training: where each state has contacts of its own, states that
   CHECK(by_states.seen_factor != by_paths.seen_factor);
 }
 
+TEST_CASE("touch training: touches that are kept from learning fit the radius network and nothing else") {
+  FemDataset dataset = test::synthetic_dataset();
+  const TouchTrainingPlan plan{.steps = 300, .batch = 64};
+  const auto model = [&] { return train_touch(test::synthetic_spec(), dataset, prior(), plan).model; };
+  const TouchModelData without = model();
+  CHECK(without.radius_output == TouchModelData{}.radius_output);
+  for (const FemState& state : test::synthetic_dataset(6, 3).states) {
+    dataset.kept.push_back(state);
+    dataset.kept.back().scene = kFirstKept;
+  }
+  const TouchModelData with = model();
+  CHECK(with.radius_output != without.radius_output);
+  CHECK(with.weights == without.weights);
+  CHECK(with.radius_curve == without.radius_curve);
+  CHECK(with.explained_above == without.explained_above);
+}
+
 TEST_CASE("touch training: plates that are not seen widen the radius") {
   const Statistics all = measure_many({true, true, true}), two = measure_many({true, true, false}),
                    one = measure_many({true, false, false});

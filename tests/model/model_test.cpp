@@ -82,6 +82,9 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(same(model.touch.output_mean, tiny.output_mean));
   CHECK(same(model.touch.output_scale, tiny.output_scale));
   CHECK(same(model.touch.radius_curve, tiny.radius_curve));
+  CHECK(same(model.touch.radius_inputs, tiny.radius_inputs));
+  CHECK(same(model.touch.radius_hidden, tiny.radius_hidden));
+  CHECK(same(model.touch.radius_output, tiny.radius_output));
   CHECK(same(model.touch.seen_factor, tiny.seen_factor));
   for (std::size_t i = 0; i < 3; ++i) {
     CHECK(model.touch.layers[i].inputs * model.touch.layers[i].outputs == static_cast<int>(tiny.weights[i].size()));

@@ -27,8 +27,12 @@ struct TinyModel {
       contact_basis;  ///< the contact map has the same scale and weights
   bool has_contact_map = true;
   std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale,
-      radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1}, seen_factor = {1.3f, 1.4f, 1.1f, 1.2f, 1.1f, 1.2f, 1},
-      face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f}, per_g = std::vector<float>(3 * kPoseDims, 0.01F),
+      radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1},
+      radius_inputs = std::vector<float>(2 * TouchModel::kRadiusFeatures, 0.1F),
+      radius_hidden = std::vector<float>(TouchModel::kRadiusHidden * (TouchModel::kRadiusFeatures + 1), 0.02F),
+      radius_output = std::vector<float>(TouchModel::kRadiusHidden + 1, 0.03F),
+      seen_factor = {1.3f, 1.4f, 1.1f, 1.2f, 1.1f, 1.2f, 1}, face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f},
+      per_g = std::vector<float>(3 * kPoseDims, 0.01F),
       per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.001F);
   std::array<std::vector<std::int8_t>, 3> weights;
   std::array<std::vector<float>, 3> weight_scale, bias;
@@ -74,6 +78,9 @@ struct TinyModel {
     all.touch.output_mean = output_mean;
     all.touch.output_scale = output_scale;
     all.touch.radius_curve = radius_curve;
+    all.touch.radius_inputs = radius_inputs;
+    all.touch.radius_hidden = radius_hidden;
+    all.touch.radius_output = radius_output;
     all.touch.seen_factor = seen_factor;
     all.touch.face_axes = face_axes;
     all.touch.per_g = per_g;

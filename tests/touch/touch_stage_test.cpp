@@ -236,24 +236,25 @@ TEST_CASE("touch stage: a motion that no touch of the scene explains is not a to
   CHECK(of_another_finger.locate(poses_of(kPushed)).point_mm == touch.point_mm);
 }
 
-TEST_CASE("touch stage: the less likely a touch of the scene explains the motion, the wider is the radius") {
+TEST_CASE("touch stage: the radius network widens the radius, of a fitted finger by how likely its own touches are") {
   TouchModelData model = trained().model;
-  model.radius_curve = {0, 0, 1};
   model.explained_above = -1000;
-  const auto at_odds = [&](float log_odds) {
-    const float were = TouchStage(model.view()).locate(poses_of(kPushed)).explained;
-    model.output_mean.back() += log_odds - were;
-    return TouchStage(model.view()).locate(poses_of(kPushed));
-  };
-  const Touch sure = at_odds(20), doubtful = at_odds(1), unlikely = at_odds(-2);
-  CHECK(doubtful.point_mm == sure.point_mm);
-  CHECK(doubtful.radius_68_mm == doctest::Approx(std::sqrt(2.0) * sure.radius_68_mm));
-  CHECK(unlikely.radius_68_mm == doctest::Approx(std::hypot(1, std::exp(3.0)) * sure.radius_68_mm));
-  TouchStage of_another_finger(model.view());  // at -2
-  of_another_finger.explain_less_likely(3);
-  CHECK(of_another_finger.locate(poses_of(kPushed)).radius_68_mm == doctest::Approx(doubtful.radius_68_mm));
-  model.explained_above = 0;
-  CHECK(at_odds(-500).unexplained);  // the radius is still a number
+  const Touch plain = TouchStage(model.view()).locate(poses_of(kPushed));
+  // Of the log-odds alone: half of them is the logarithm of the factor, since a large sum passes unchanged.
+  constexpr std::size_t kOdds = 3;
+  model.output_mean.back() += 2 - plain.explained;
+  model.radius_inputs[2 * kOdds + 1] = 1;
+  model.radius_hidden[kOdds] = 1000;
+  model.radius_output[0] = 0.0005F;
+  TouchStage stage(model.view());
+  const Touch wider = stage.locate(poses_of(kPushed));
+  CHECK(wider.point_mm == plain.point_mm);
+  CHECK(wider.force_sigma_n == plain.force_sigma_n);
+  CHECK(wider.radius_68_mm == doctest::Approx(std::exp(1.0) * plain.radius_68_mm));
+  stage.explain_less_likely(-1);
+  CHECK(stage.locate(poses_of(kPushed)).radius_68_mm == doctest::Approx(std::exp(0.5) * plain.radius_68_mm));
+  stage.explain_less_likely(std::numeric_limits<float>::infinity());
+  CHECK(std::isfinite(stage.locate(poses_of(kPushed)).radius_68_mm));
 }
 
 TEST_CASE("touch stage: what else may have moved the plates widens radius and deviations, and may be the explanation") {
