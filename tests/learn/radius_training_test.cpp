@@ -74,7 +74,7 @@ TEST_CASE("radius training: where another scene is likelier, the radius grows un
   add(0, 0.5, 0, trials);
   TouchModelData alone;
   fit_radius_network(trials, 2, alone);
-  add(kKindsOfTouch, 3, 2, trials);
+  add(kKindsOfTouch, 3, 1, trials);
   TouchModelData model;
   fit_radius_network(trials, 2, model);
   const double were = 1 - shares(trials, alone, kKindsOfTouch)[2], are = 1 - shares(trials, model, kKindsOfTouch)[2];
