@@ -12,8 +12,8 @@ namespace finsight::host {
 
 namespace {
 
-constexpr int kSteps = 2000;
-constexpr float kPeakRate = 0.02F, kDecay = 0.1F;
+constexpr int kFitSteps = 2000;
+constexpr float kFitRate = 0.02F, kFitDecay = 0.1F;
 constexpr float kSmooth = 0.15F;  // width of the steps, in the logarithm of the radius
 
 // What is wanted of the errors of every kind, and how much it counts.
@@ -139,13 +139,13 @@ void fit_radius_network(const std::vector<TouchTrial>& trials, double threshold_
   Random random(1);
   Network network({TouchModel::kRadiusFeatures, TouchModel::kRadiusHidden, 1}, Activation::kAlgebraicSilu, random);
   Adam adam(network);
-  Progress progress("radius of every kind of touch", kSteps);
-  for (int step = 0; step < kSteps; ++step) {
+  Progress progress("radius of every kind of touch", kFitSteps);
+  for (int step = 0; step < kFitSteps; ++step) {
     if (interrupted()) throw Interrupted();
     network.backward(loss_gradient(samples, network.forward(samples.inputs).row(0).transpose().array()));
-    const float rate = cosine_rate(kPeakRate, step, kSteps);
+    const float rate = cosine_rate(kFitRate, step, kFitSteps);
     adam.step(network, rate);
-    for (Network::Layer& layer : network.layers()) layer.weights *= 1 - kDecay * rate;
+    for (Network::Layer& layer : network.layers()) layer.weights *= 1 - kFitDecay * rate;
     progress.advance();
   }
   const float more = missing(samples, network.forward(samples.inputs).row(0).transpose().array());
