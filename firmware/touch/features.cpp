@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "firmware/touch/int8_network.h"
+
 namespace finsight {
 
 void touch_features(const TouchModel& model, const PoseVector& motion, const std::array<float, kPlates>& noise,
@@ -15,8 +17,7 @@ void touch_features(const TouchModel& model, const PoseVector& motion, const std
   const double size = std::sqrt(size_sq) + static_cast<double>(kSmallestMotion);
   for (std::size_t i = 0; i < kPoseDims; ++i) inputs[i] = static_cast<float>(static_cast<double>(inputs[i]) / size);
   inputs[kPoseDims] = static_cast<float>(std::log(size));
-  for (std::size_t p = 0; p < kPlates; ++p)
-    inputs[kPoseDims + 1 + p] = static_cast<float>(std::log(static_cast<double>(noise[p])));
+  for (std::size_t p = 0; p < kPlates; ++p) inputs[kPoseDims + 1 + p] = log_float(noise[p]);
   for (std::size_t i = 0; i < TouchModel::kInputs; ++i) {
     inputs[i] = (inputs[i] - model.input_mean[i]) * model.input_scale[i];
   }

@@ -7,6 +7,10 @@
 
 namespace finsight {
 
+// Through double, whose last-digit differences between C libraries vanish in the rounding to float.
+inline float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
+inline float log_float(float x) { return static_cast<float>(std::log(static_cast<double>(x))); }
+
 /// What a hidden layer does to its sums: x / 2 (1 + x / sqrt(1 + x^2)), smooth as what it approximates. Of exactly
 /// rounded operations only, so that every processor gives the same floats.
 inline float algebraic_silu(float x) { return 0.5F * x * (1 + x / std::sqrt(1 + x * x)); }

@@ -19,14 +19,20 @@ RadiusFeatures radius_features(const Touch& touch, float log_odds, float radius_
           log_float(radius_mm)};
 }
 
+RadiusFeatures normalised(std::span<const float> radius_inputs, const RadiusFeatures& features) {
+  constexpr float kFarthest = 3;
+  RadiusFeatures inputs;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    const float mean = radius_inputs[2 * i], scale = radius_inputs[2 * i + 1];
+    inputs[i] = std::clamp(scale * (features[i] - mean), -kFarthest, kFarthest);
+  }
+  return inputs;
+}
+
 float radius_factor(const TouchModel& model, const RadiusFeatures& features) {
   constexpr float kLeastLogFactor = -1.2F, kMostLogFactor = 2;
   constexpr std::size_t kInputs = TouchModel::kRadiusFeatures, kHidden = TouchModel::kRadiusHidden;
-  RadiusFeatures inputs;
-  for (std::size_t i = 0; i < kInputs; ++i) {
-    inputs[i] = std::clamp(model.radius_inputs[2 * i + 1] * (features[i] - model.radius_inputs[2 * i]),
-                           -kFarthestFeature, kFarthestFeature);
-  }
+  const RadiusFeatures inputs = normalised(model.radius_inputs, features);
   float log_factor = model.radius_output[kHidden];
   for (std::size_t k = 0; k < kHidden; ++k) {
     const std::span<const float> weights = model.radius_hidden.subspan(k * (kInputs + 1), kInputs + 1);

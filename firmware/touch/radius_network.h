@@ -2,18 +2,9 @@
 // a point or a patch. A small network evens that out.
 #pragma once
 
-#include <cmath>
-
 #include "firmware/model/model.h"
 
 namespace finsight {
-
-// Through double, whose last-digit differences between C libraries vanish in the rounding to float.
-inline float exp_float(float x) { return static_cast<float>(std::exp(static_cast<double>(x))); }
-inline float log_float(float x) { return static_cast<float>(std::log(static_cast<double>(x))); }
-
-/// Features count as at most so many standard deviations from their mean.
-inline constexpr float kFarthestFeature = 3;
 
 using RadiusFeatures = std::array<float, TouchModel::kRadiusFeatures>;
 
@@ -21,8 +12,12 @@ using RadiusFeatures = std::array<float, TouchModel::kRadiusFeatures>;
 /// scene moved them, what force rubs across and along as a part of the normal one, and the radius.
 RadiusFeatures radius_features(const Touch& touch, float log_odds, float radius_mm);
 
-/// What the radius is to be multiplied by: the answer of TouchModel's radius network. Features far from all that it was
-/// fitted to count as those at the edge.
+/// The network's inputs: features by their means and deviations (TouchModel::radius_inputs), at most three deviations
+/// away, so that what is far from all that it was fitted to counts as what is at the edge. Training and firmware both
+/// call this function.
+RadiusFeatures normalised(std::span<const float> radius_inputs, const RadiusFeatures& features);
+
+/// What the radius is to be multiplied by: the answer of TouchModel's radius network.
 float radius_factor(const TouchModel& model, const RadiusFeatures& features);
 
 }  // namespace finsight

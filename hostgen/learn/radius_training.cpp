@@ -34,10 +34,11 @@ float sigmoid(float x) { return 1 / (1 + std::exp(std::clamp(-x, -30.0F, 30.0F))
 std::vector<float> shares_inside(const Samples& samples, const Eigen::ArrayXf& answers, float radii,
                                  Eigen::ArrayXf& derivative) {
   std::vector<float> shares(samples.trials.size(), 0.0F);
+  const float log_allowed = std::log(radii);
   derivative.resize(answers.size());
   for (Eigen::Index i = 0; i < answers.size(); ++i) {
     const std::size_t kind = samples.kind[static_cast<std::size_t>(i)];
-    const float inside = sigmoid((answers[i] + std::log(radii) - samples.log_radii[i]) / kSmooth);
+    const float inside = sigmoid((answers[i] + log_allowed - samples.log_radii[i]) / kSmooth);
     shares[kind] += inside / samples.trials[kind];
     derivative[i] = inside * (1 - inside) / kSmooth / samples.trials[kind];
   }
@@ -90,10 +91,7 @@ Samples samples_of(const std::vector<TouchTrial>& trials, const std::vector<floa
   samples.log_radii.resize(samples.inputs.cols());
   for (std::size_t k = 0; k < trials.size(); ++k) {
     const auto column = static_cast<Eigen::Index>(k);
-    for (std::size_t i = 0; i < trials[k].radius_features.size(); ++i) {
-      samples.inputs(static_cast<Eigen::Index>(i), column) = std::clamp(
-          inputs[2 * i + 1] * (trials[k].radius_features[i] - inputs[2 * i]), -kFarthestFeature, kFarthestFeature);
-    }
+    std::ranges::copy(normalised(inputs, trials[k].radius_features), samples.inputs.col(column).data());
     constexpr float kLeastError = 1e-6F;
     samples.log_radii[column] = std::log(std::max(trials[k].error_mm.norm() / trials[k].radius_68_mm, kLeastError));
     samples.kind.push_back(trials[k].scene - kFirstKept);

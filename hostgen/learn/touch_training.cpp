@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <optional>
 
-#include "hostgen/fem/scene_contacts.h"
 #include "hostgen/finger/plate_geometry.h"
 #include "hostgen/learn/radius_training.h"
 #include "hostgen/learn/split.h"

@@ -110,7 +110,8 @@ using TouchSource = std::function<std::vector<TouchSample>(
 /// (see StateInterpolant), with the spec's pose noise. The radius and the force's deviation are calibrated after
 /// quantisation on the held-out states where each has contacts of its own, else on the held-out paths, and the final
 /// model gets the same factors; the coverage in `random_noisy` and `held_out_noisy` comes from calibrating on one half
-/// of the tested paths and counting on the other. The same arguments give the same bytes. What is called unexplained
+/// of the tested paths and counting on the other. The final model's radius network is fitted to what the set keeps from
+/// learning, if it does (fit_radius_network()). The same arguments give the same bytes. What is called unexplained
 /// is set on the same states: one frame in a thousand of theirs.
 /// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,

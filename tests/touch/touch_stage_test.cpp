@@ -255,6 +255,9 @@ TEST_CASE("touch stage: the radius network widens the radius, of a fitted finger
   CHECK(stage.locate(poses_of(kPushed)).radius_68_mm == doctest::Approx(std::exp(0.5) * plain.radius_68_mm));
   stage.explain_less_likely(std::numeric_limits<float>::infinity());
   CHECK(std::isfinite(stage.locate(poses_of(kPushed)).radius_68_mm));
+  model.explained_above = 0;
+  model.output_mean.back() -= 500;
+  CHECK(TouchStage(model.view()).locate(poses_of(kPushed)).unexplained);  // the radius is still a number
 }
 
 TEST_CASE("touch stage: what else may have moved the plates widens radius and deviations, and may be the explanation") {
