@@ -76,7 +76,7 @@ struct TouchModel {
   std::span<const float> radius_curve;
   /// The radius network (radius_factor()): one hidden layer, algebraic_silu(); it answers the logarithm of a factor of
   /// that radius.
-  static constexpr int kRadiusFeatures = 7, kRadiusHidden = 8;
+  static constexpr int kRadiusFeatures = 10, kRadiusHidden = 20;
   std::span<const float> radius_inputs;  ///< [kRadiusFeatures, 2] mean, and what multiplies (feature - mean)
   std::span<const float> radius_hidden;  ///< [kRadiusHidden, kRadiusFeatures + 1] weights, then the bias
   std::span<const float> radius_output;  ///< [kRadiusHidden + 1] weights, then the bias

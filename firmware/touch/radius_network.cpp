@@ -16,7 +16,10 @@ RadiusFeatures radius_features(const Touch& touch, float log_odds, float radius_
           std::clamp(log_odds, kLeastOdds, kMostOdds),
           touch.force_vector_n[1] / normal_n,
           touch.force_vector_n[2] / normal_n,
-          log_float(radius_mm)};
+          log_float(radius_mm),
+          log_float(touch.force_vector_sigma_n[0]),
+          log_float(touch.force_vector_sigma_n[1]),
+          log_float(touch.force_vector_sigma_n[2])};
 }
 
 RadiusFeatures normalised(std::span<const float> radius_inputs, const RadiusFeatures& features) {

@@ -81,19 +81,15 @@ bool TouchStage::is_on_face(const Touch& touch) const {
 }
 
 // The wrench's force is the same vector in the base's frame. Its components' errors are taken as independent there,
-// too. How hard a finger is pushed to bend so far goes with its stiffness.
+// too.
 void TouchStage::read_forces(const Outputs& outputs, Touch& touch) const {
   constexpr std::size_t kForce = 6, kMoment = 9, kForceSigma = TouchModel::kMeans + 3, kMomentSigma = kForceSigma + 3;
-  const auto with_stiffness = [&](float log_sigma, float value) {
-    const float sigma = exp_float(log_sigma), of_stiffness = model_.stiffness_tolerance * value;
-    return std::sqrt(sigma * sigma + of_stiffness * of_stiffness);
-  };
   for (int i = 0; i < 3; ++i) {
     const auto k = static_cast<std::size_t>(i);
     touch.force_vector_n[i] = outputs[kForce + k];
-    touch.force_vector_sigma_n[i] = with_stiffness(outputs[kForceSigma + k], touch.force_vector_n[i]);
+    touch.force_vector_sigma_n[i] = exp_float(outputs[kForceSigma + k]);
     touch.moment_nm[i] = outputs[kMoment + k];
-    touch.moment_sigma_nm[i] = with_stiffness(outputs[kMomentSigma + k], touch.moment_nm[i]);
+    touch.moment_sigma_nm[i] = exp_float(outputs[kMomentSigma + k]);
   }
   touch.force_vector_n[0] = std::max(touch.force_vector_n[0], 0.0f);      // objects push; they do not pull
   const Eigen::Map<const Eigen::Matrix3f> axes(model_.face_axes.data());  // columns: normal, across, along
@@ -145,7 +141,9 @@ const TouchStage::Outputs& TouchStage::run_network(const Noise& noise, const Pos
 void TouchStage::widen(const Noise& noise, const PoseVector& motion, const Doubt& doubt,
                        const std::array<bool, kPlates>& seen, Touch& touch) {
   float point_sq = model_.touch_tolerance_mm * model_.touch_tolerance_mm;
-  Vec3f force_sq = Vec3f::Zero(), moment_sq = Vec3f::Zero();
+  // How hard a finger is pushed to bend so far goes with its stiffness.
+  Vec3f force_sq = (model_.stiffness_tolerance * touch.force_vector_n).cwiseAbs2();
+  Vec3f moment_sq = (model_.stiffness_tolerance * touch.moment_nm).cwiseAbs2();
   if (doubt.shaken_mm > 0) point_sq += kShiftPerShake * kShiftPerShake * doubt.shaken_mm * doubt.shaken_mm;
   const auto ask = [&](const PoseVector& change) {
     const Touch other = read(run_network(noise, motion + change), touch.plate_motion_mm);

@@ -153,11 +153,11 @@ std::vector<int> points_of_others(const DatasetPlan& plan) {
   return points;
 }
 
-/// Of a kind that is kept from learning; of another scene's, which holds more of different touches, more.
-int kept_points(const DatasetPlan& plan, bool is_of_scene) {
+/// Of a kind that is kept from learning; more where its touches differ more: of any of the scene, or of another scene.
+int kept_points(const DatasetPlan& plan, int kind) {
   constexpr int kPlanPoints = 13, kMorePoints = 4;  // one in as many; times as many
   const int points = (plan.points + kPlanPoints - 1) / kPlanPoints;
-  return is_of_scene ? points : kMorePoints * points;
+  return kind < kAnyTouch ? points : kMorePoints * points;
 }
 
 void add_kept_paths(const FingerSpec& spec, const DatasetPlan& plan, std::vector<LoadPath>& paths) {
@@ -166,7 +166,7 @@ void add_kept_paths(const FingerSpec& spec, const DatasetPlan& plan, std::vector
     if (!scene.elsewhere) scenes.push_back(scene);
   }
   for (std::size_t kind = 0; kind < scenes.size(); ++kind) {
-    const int points = kept_points(plan, kind < kKindsOfTouch);
+    const int points = kept_points(plan, static_cast<int>(kind));
     const double spacing = spacing_mm(spec, points);
     for (const Vec3f& point_mm : touch_points(spec, points)) {
       Random random(paths.size());
@@ -243,10 +243,9 @@ std::vector<LoadPath> load_paths(const FingerSpec& spec, const DatasetPlan& plan
 
 std::size_t path_count(const DatasetPlan& plan) {
   const std::vector<int> others = points_of_others(plan);
-  const int learnt = std::accumulate(others.begin(), others.end(), plan.points);
-  const int of_others = kept_kinds(plan) - kKindsOfTouch;
-  return static_cast<std::size_t>(learnt + kKindsOfTouch * kept_points(plan, true) +
-                                  of_others * kept_points(plan, false));
+  int paths = std::accumulate(others.begin(), others.end(), plan.points);
+  for (int kind = 0; kind < kept_kinds(plan); ++kind) paths += kept_points(plan, kind);
+  return static_cast<std::size_t>(paths);
 }
 
 std::size_t FemDataset::count(Outcome outcome) const {

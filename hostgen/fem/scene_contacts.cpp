@@ -71,11 +71,14 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
 /// See kKindsOfTouch. `drawn`: of the scene; what is left of it is how far it follows the face, and its share.
 FaceContact contact_of_kind(const FingerSpec& spec, const Scene& scene, int kind, const FaceContact& drawn,
                             const Eigen::Vector2d& place_mm, Random& random) {
-  constexpr int kFirstPatch = 10, kLine = 13, kThirds = 3;
+  constexpr int kFirstPatch = 10, kLine = 13, kSlantedLine = 14, kThirds = 3;
   constexpr double kAside_rad = 0.3;  // a force points away from the base, towards it or across within this
+  if (kind == kAnyTouch) return drawn;
   FaceContact contact{
       .centre_mm = place_mm, .full_force_n = drawn.full_force_n, .follow = drawn.follow, .share = drawn.share};
-  if (kind > 0 && kind < kFirstPatch) {
+  const bool rubs = kind > 0 && kind < kFirstPatch;
+  if (scene.friction > 0 && !rubs) contact.follow = 1;  // a force that does not turn with the face rubs on it
+  if (rubs) {
     const double friction = scene.friction * ((kind - 1) / kThirds + 1) / kThirds;
     const double across_rad = random.uniform() < 0.5 ? 0 : std::numbers::pi;
     const double directions_rad[] = {0.5 * std::numbers::pi, -0.5 * std::numbers::pi, across_rad};
@@ -84,10 +87,10 @@ FaceContact contact_of_kind(const FingerSpec& spec, const Scene& scene, int kind
   } else if (kind >= kFirstPatch && kind < kLine) {
     contact.radius_mm = scene.patch_radius_mm * (kind - kFirstPatch + random.uniform()) / kThirds;
     contact.pressure = kPressures[random.index(kPressures.size())];
-  } else if (kind == kLine && scene.line_share > 0) {
+  } else if (kind >= kLine && scene.line_share > 0) {
     contact.centre_mm.x() = 0;
     contact.half_length_mm = kWholeWidths * spec.half_width.at(place_mm.y());
-    contact.angle_rad = random.uniform(-kLevel_rad, kLevel_rad);
+    if (kind == kSlantedLine) contact.angle_rad = random.uniform(-kLevel_rad, kLevel_rad);
     contact.radius_mm = 0.5 * random.uniform(0, kWidestLine_mm);
   }
   return contact;

@@ -18,7 +18,7 @@ constexpr float kSmooth = 0.15F;  // width of the steps, in the logarithm of the
 
 // What is wanted of the errors of every kind, and how much it counts.
 constexpr float kInside = 0.69F, kInsideTwice = 0.95F;
-constexpr float kTwiceWeight = 12, kBeyondWeight = 30, kOthersWeight = 0.5F;
+constexpr float kOnceWeight = 5, kTwiceWeight = 12, kBeyondWeight = 100, kOthersWeight = 2;
 
 struct Samples {
   Eigen::MatrixXf inputs;    ///< [TouchModel::kRadiusFeatures, samples] normalised
@@ -56,7 +56,7 @@ Eigen::MatrixXf loss_gradient(const Samples& samples, const Eigen::ArrayXf& answ
       gradient(0, i) += by_share(kind < kKindsOfTouch, shares[kind]) * derivative[i];
     }
   };
-  add(1, [](bool of_scene, float inside) { return of_scene ? 2 * (inside - kInside) : 0; });
+  add(1, [](bool of_scene, float inside) { return of_scene ? 2 * kOnceWeight * (inside - kInside) : 0; });
   add(2, [](bool of_scene, float inside) { return of_scene ? 2 * kTwiceWeight * (inside - kInsideTwice) : 0; });
   add(3, [](bool of_scene, float inside) { return of_scene ? -2 * kBeyondWeight * (1 - inside) : -kOthersWeight; });
   return gradient;

@@ -125,11 +125,11 @@ TEST_CASE("scene contacts: kinds of touch differ by friction and patch, as far a
   const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
   const Eigen::Vector2d place_mm(3, 60);
   Random random(2);
-  for (int kind = 0; kind < kKindsOfTouch; ++kind) {
+  for (int kind = 0; kind < kAnyTouch; ++kind) {
     CAPTURE(kind);
     const FaceContact contact = draw_kind(spec, spec.scene("grasp"), kind, place_mm, random).at(0);
     const Eigen::Vector2d& friction = contact.friction;
-    const bool rubs = kind >= 1 && kind <= 9, is_patch = kind >= 10 && kind <= 12, is_line = kind == 13;
+    const bool rubs = kind >= 1 && kind <= 9, is_patch = kind >= 10 && kind <= 12, is_line = kind >= 13;
     CHECK(friction.norm() == doctest::Approx(rubs ? 0.2 * ((kind - 1) / 3 + 1) : 0));
     if (rubs && kind % 3 == 1) CHECK(friction.y() > 0.9 * friction.norm());
     if (rubs && kind % 3 == 2) CHECK(friction.y() < -0.9 * friction.norm());
@@ -138,6 +138,7 @@ TEST_CASE("scene contacts: kinds of touch differ by friction and patch, as far a
     if (is_patch) CHECK(contact.radius_mm <= 4 * (kind - 9));
     if (!is_patch && !is_line) CHECK(contact.radius_mm == 0);
     CHECK((contact.half_length_mm > spec.half_width.at(60)) == is_line);
+    CHECK((contact.angle_rad != 0) == (kind == 14));
     CHECK(contact.centre_mm == (is_line ? Eigen::Vector2d(0, 60) : place_mm));
 
     const FaceContact point = draw_kind(spec, spec.scene("probe"), kind, place_mm, random).at(0);
@@ -147,6 +148,18 @@ TEST_CASE("scene contacts: kinds of touch differ by friction and patch, as far a
     const std::vector<FaceContact> two = draw_kind(spec, spec.scene("two"), kind, place_mm, random);
     REQUIRE(two.size() == 2);
     CHECK(two[0].share + two[1].share == doctest::Approx(1));
+  }
+}
+
+TEST_CASE("scene contacts: the last kind of touch is any of the scene") {
+  const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
+  Random random(2), same(2);
+  for (int i = 0; i < 20; ++i) {
+    const FaceContact contact = draw_kind(spec, spec.scene("grasp"), kAnyTouch, {3, 60}, random).at(0);
+    const FaceContact drawn = draw_contacts(spec, spec.scene("grasp"), {3, 60}, same).at(0);
+    CHECK(contact.friction == drawn.friction);
+    CHECK(contact.radius_mm == drawn.radius_mm);
+    CHECK(contact.half_length_mm == drawn.half_length_mm);
   }
 }
 

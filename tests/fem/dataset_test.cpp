@@ -85,7 +85,7 @@ TEST_CASE("dataset: beside the scene it holds what a pack for the scene must not
     CHECK(dataset.others[i].scene == scenes[i / 3]);
     CHECK(dataset.others[i].path == static_cast<int>(4 + i / 3));
   }
-  CHECK(path_count(kPlan) == 9 + kKindsOfTouch + 2 * 4);  // and those that are kept from learning
+  CHECK(path_count(kPlan) == 9 + kAnyTouch + 3 * 4);  // and those that are kept from learning
   CHECK(other_scenes(test::small_finger_spec(), {.scene = "grasp"}).size() == 2);
 }
 
@@ -93,7 +93,7 @@ TEST_CASE("dataset: touches of every kind, and of every other scene on the face,
   const FemDataset dataset = small_dataset();
   CHECK(kept_kinds(kPlan) == kKindsOfTouch + 2);
   CHECK(kept_kinds({.scene = "grasp"}) == kKindsOfTouch + 1);
-  REQUIRE(dataset.kept.size() == 3 * (kKindsOfTouch + 2 * 4));
+  REQUIRE(dataset.kept.size() == 3 * (kAnyTouch + 3 * 4));
   std::vector<int> states(static_cast<std::size_t>(kept_kinds(kPlan)), 0);
   for (const FemState& state : dataset.kept) {
     REQUIRE(state.scene >= kFirstKept);
@@ -101,9 +101,9 @@ TEST_CASE("dataset: touches of every kind, and of every other scene on the face,
     CHECK(state.path >= 9);
     CHECK(state.nearby.empty());
   }
-  for (std::size_t kind = 0; kind < states.size(); ++kind) CHECK(states[kind] == (kind < kKindsOfTouch ? 3 : 12));
+  for (std::size_t kind = 0; kind < states.size(); ++kind) CHECK(states[kind] == (kind < kAnyTouch ? 3 : 12));
   const std::vector<LoadPath> paths = load_paths(test::small_finger_spec(), {.points = 4, .scene = "grasp"});
-  const LoadPath& sliding = paths.at(paths.size() - 4 - kKindsOfTouch + 8);
+  const LoadPath& sliding = paths.at(paths.size() - 2 * 4 - kAnyTouch + 8);
   for (int k = 0; k < 7; ++k) {
     CHECK(sliding.contacts_at(k)[0].friction.norm() == doctest::Approx(0.6));
     CHECK(sliding.contacts_at(k)[0].friction.y() < -0.5);  // towards the base
@@ -207,7 +207,7 @@ TEST_CASE("dataset: shards in any order make the same bytes as one run") {
       check_complete(read_dataset(folder / "merged"), test::small_finger_spec(), test::small_finger_mesh(), "m"));
   CHECK(refusal([&] {
           check_complete(read_dataset(shards[0]), test::small_finger_spec(), test::small_finger_mesh(), "s");
-        }).find("path 0 of 31 is missing") != std::string::npos);
+        }).find("path 0 of 36 is missing") != std::string::npos);
 }
 
 TEST_CASE("dataset: what cannot be merged is refused with the file and the reason") {
@@ -218,7 +218,7 @@ TEST_CASE("dataset: what cannot be merged is refused with the file and the reaso
   FingerSpec spec = test::small_finger_spec();
   spec.sha256 = "fedcba9876543210";
   write_dataset(other, make_dataset(spec, test::small_finger_mesh(), kPlan, {.index = 1, .count = 2}));
-  CHECK(refusal([&] { merge_datasets({a}); }).find("path 1 of 31 is missing") != std::string::npos);
+  CHECK(refusal([&] { merge_datasets({a}); }).find("path 1 of 36 is missing") != std::string::npos);
   CHECK(refusal([&] { merge_datasets({a, b, a}); }).find("path 0 is in") != std::string::npos);
   const std::string foreign = refusal([&] { merge_datasets({a, other}); });
   CHECK(foreign.find(other.string()) != std::string::npos);

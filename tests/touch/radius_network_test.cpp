@@ -18,6 +18,7 @@ Touch some_touch() {
   touch.point_mm = Vec3f(3, 70, -1);
   touch.plate_motion_mm = 5;
   touch.force_vector_n = Vec3f(2, 0.5F, -1);
+  touch.force_vector_sigma_n = Vec3f(0.1F, 0.2F, 0.6F);
   return touch;
 }
 
@@ -29,13 +30,13 @@ TouchModelData some_model() {
   };
   fill(model.radius_inputs, 0.1F);
   fill(model.radius_hidden, 0.2F);
-  fill(model.radius_output, 0.05F);
+  fill(model.radius_output, 0.02F);
   return model;
 }
 
 }  // namespace
 
-TEST_CASE("radius network: its features tell place, motion, odds, friction and radius, whatever the force") {
+TEST_CASE("radius network: its features tell place, motion, odds, friction, radius and deviations, whatever the force") {
   const RadiusFeatures features = radius_features(some_touch(), 1.5F, 2);
   CHECK(features[0] == 3);
   CHECK(features[1] == 70);
@@ -44,6 +45,8 @@ TEST_CASE("radius network: its features tell place, motion, odds, friction and r
   CHECK(features[4] == 0.25F);
   CHECK(features[5] == -0.5F);
   CHECK(features[6] == doctest::Approx(std::log(2.0)));
+  CHECK(features[7] == doctest::Approx(std::log(0.1)));
+  CHECK(features[9] == doctest::Approx(std::log(0.6)));
   Touch harder = some_touch();
   harder.force_vector_n *= 2;
   CHECK(radius_features(harder, 1.5F, 2) == features);
