@@ -68,7 +68,8 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
   return contact;
 }
 
-/// See kKindsOfTouch. `drawn`: of the scene; what is left of it is how far it follows the face, and its share.
+/// See kKindsOfTouch. `drawn`: of the scene; all kinds but the last take its share alone, and those with friction how
+/// far it follows the face.
 FaceContact contact_of_kind(const FingerSpec& spec, const Scene& scene, int kind, const FaceContact& drawn,
                             const Eigen::Vector2d& place_mm, Random& random) {
   constexpr int kFirstPatch = 10, kLine = 13, kSlantedLine = 14, kThirds = 3;

@@ -17,7 +17,8 @@ std::vector<FaceContact> draw_contacts(const FingerSpec& spec, const Scene& scen
 /// Touches of a scene by what the plates hardly tell of them: a point; a point with a third, two thirds and all of the
 /// scene's friction, each away from the base, towards it and across; round patches of up to a third, two thirds and all
 /// of the scene's size; lines over the whole width, straight across and at an angle; and any touch of the scene. Where
-/// a scene has no friction, no patches or no lines, those are points.
+/// a scene has no friction, no patches or no lines, those are points. In a scene with friction those without it press
+/// normally to the face as it turns.
 inline constexpr int kKindsOfTouch = 16, kAnyTouch = 15;
 /// The same as draw_contacts(), the first contact of this kind, from 0.
 std::vector<FaceContact> draw_kind(const FingerSpec& spec, const Scene& scene, int kind,

@@ -139,6 +139,7 @@ TEST_CASE("scene contacts: kinds of touch differ by friction and patch, as far a
     if (!is_patch && !is_line) CHECK(contact.radius_mm == 0);
     CHECK((contact.half_length_mm > spec.half_width.at(60)) == is_line);
     CHECK((contact.angle_rad != 0) == (kind == 14));
+    if (!rubs) CHECK(contact.follow == 1);
     CHECK(contact.centre_mm == (is_line ? Eigen::Vector2d(0, 60) : place_mm));
 
     const FaceContact point = draw_kind(spec, spec.scene("probe"), kind, place_mm, random).at(0);
