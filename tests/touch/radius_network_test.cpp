@@ -36,7 +36,7 @@ TouchModelData some_model() {
 
 }  // namespace
 
-TEST_CASE("radius network: its features tell place, motion, odds, friction, radius and deviations, whatever the force") {
+TEST_CASE("radius network: its features tell place, motion, odds, friction, radius and deviations at any force") {
   const RadiusFeatures features = radius_features(some_touch(), 1.5F, 2);
   CHECK(features[0] == 3);
   CHECK(features[1] == 70);
