@@ -9,8 +9,8 @@ namespace finsight {
 using RadiusFeatures = std::array<float, TouchModel::kRadiusFeatures>;
 
 /// Of a touch with this radius (positive): where it is, how far the plates moved, how sure it is that a touch of the
-/// scene moved them, what force rubs across and along as a part of the normal one, the radius, and what the network says
-/// of the force's deviations (positive; a finger's stiffness not counted).
+/// scene moved them, what force rubs across and along as a part of the normal one, the radius, and what the network
+/// says of the force's deviations (positive; a finger's stiffness not counted).
 RadiusFeatures radius_features(const Touch& touch, float log_odds, float radius_mm);
 
 /// The network's inputs: features by their means and deviations (TouchModel::radius_inputs), at most three deviations
