@@ -222,7 +222,6 @@ SelfTestModel read_self_test(PackReader& pack, std::int64_t nodes, bool with_con
   return self_test;
 }
 
-/// Plate motions must rise; logarithms of factors and exponents must be within bounds.
 void check_face_axes(const SafetensorsFile& file, std::span<const float> numbers) {
   constexpr float kTolerance = 1e-3F;
   const Eigen::Map<const Eigen::Matrix3f> axes(numbers.data());
@@ -233,6 +232,7 @@ void check_face_axes(const SafetensorsFile& file, std::span<const float> numbers
               "three perpendicular unit vectors");
 }
 
+/// Plate motions must rise; logarithms of factors and exponents must be within bounds.
 void check_radius_curve(const SafetensorsFile& file, std::span<const float> curve) {
   check_range(file, tensor::kTouchRadiusCurve, curve, -kLargestKnot, kLargestKnot);
   for (std::size_t i = 3; i < curve.size(); i += 3) {

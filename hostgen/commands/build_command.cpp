@@ -48,13 +48,16 @@ const std::map<std::string, Profile> kProfiles = {
 constexpr int kFewestGravityPlaces = 30;
 
 // A state with contacts of its own takes longer than one that follows the path, and teaches more.
-constexpr int kForcesOfChangingContacts = 11;
+constexpr int kPointsOfChangingContacts = 700, kForcesOfChangingContacts = 11;
 
 Profile chosen_profile(const FingerSpec& spec, const Options& options) {
   Profile profile = kProfiles.at(options.profile);
   const Scene& scene = spec.scene(options.scene.empty() ? spec.trained_scene : options.scene);
   profile.dataset.scene = scene.name;
-  if (options.profile == "full" && contacts_change(scene)) profile.dataset.forces = kForcesOfChangingContacts;
+  if (options.profile == "full" && contacts_change(scene)) {
+    profile.dataset.points = kPointsOfChangingContacts;
+    profile.dataset.forces = kForcesOfChangingContacts;
+  }
   if (options.points) profile.dataset.points = options.points;
   if (options.forces) profile.dataset.forces = options.forces;
   if (options.training_steps) profile.training_steps = options.training_steps;
@@ -275,8 +278,8 @@ void add_build_command(CLI::App& app) {
   command
       ->add_option(
           "--profile", options->profile,
-          "quick: a few minutes; full: some forty on two cores, the paper's 570 points with 21 forces each, or "
-          "11 where every force has contacts of its own (scenes with more than frictionless points)")
+          "quick: a few minutes; full: some fifty on two cores, the paper's 570 points with 21 forces each, or 700 "
+          "with 11 where every force has contacts of its own (scenes with more than frictionless points)")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();
   command->add_option("--scene", options->scene,

@@ -95,12 +95,19 @@ std::vector<FemState> states_nearby(FingerStatics& statics, const FingerSpec& sp
   return nearby;
 }
 
+// Fingers that are as much softer or stiffer than their spec's bend as this one does under more or less force. The
+// radii of their touches must hold as well.
+constexpr double kStiffestKept = 1.25;
+
 // A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
 // state that was found; so do the higher forces of its path, which are not tried.
 void walk_path(FingerStatics& statics, const FingerSpec& spec, const TetMesh& mesh, const LoadPath& load,
                std::int32_t index, FemDataset& path) {
-  const std::array<double, 2> range_n = path_range(statics, load, spec.force_n);
   Random random(0xa11'0000 + static_cast<std::uint64_t>(index));
+  const bool is_kept = load.scene >= kFirstKept;
+  const double stiffness = is_kept ? std::exp(random.uniform(-1, 1) * std::log(kStiffestKept)) : 1;
+  const std::array<double, 2> range_n =
+      path_range(statics, load, {spec.force_n[0] / stiffness, spec.force_n[1] / stiffness});
   Outcome outcome = Outcome::kEquilibrium;
   for (int k = 0; k < path.plan.forces; ++k) {
     const double force_n = range_n[0] + (range_n[1] - range_n[0]) * k / std::max(1, path.plan.forces - 1);
@@ -122,7 +129,7 @@ void walk_path(FingerStatics& statics, const FingerSpec& spec, const TetMesh& me
       path.node_displacement_mm.insert(path.node_displacement_mm.end(), displacement.begin(), displacement.end());
     }
     // What lies between states of frictionless points is interpolated.
-    const bool is_interpolated = load.scene == 0 && !contacts_change(load.of), is_kept = load.scene >= kFirstKept;
+    const bool is_interpolated = load.scene == 0 && !contacts_change(load.of);
     if (state.valid() && !is_interpolated && !is_kept) {
       const double step_n = (range_n[1] - range_n[0]) / std::max(1, path.plan.forces - 1);
       state.nearby = states_nearby(statics, spec, load, k, path.plan.forces, step_n, random);
@@ -155,7 +162,7 @@ std::vector<int> points_of_others(const DatasetPlan& plan) {
 
 /// Of a kind that is kept from learning; more where its touches differ more: of any of the scene, or of another scene.
 int kept_points(const DatasetPlan& plan, int kind) {
-  constexpr int kPlanPoints = 13, kMorePoints = 4;  // one in as many; times as many
+  constexpr int kPlanPoints = 10, kMorePoints = 4;  // one in as many; times as many
   const int points = (plan.points + kPlanPoints - 1) / kPlanPoints;
   return kind < kAnyTouch ? points : kMorePoints * points;
 }

@@ -15,6 +15,9 @@ constexpr double kFrictionlessShare = 0.15;  // of the touches in a scene with f
 // Of the touches with friction: an object that slides rubs as much as it can. Were the largest friction the rarest, as
 // it is along any one direction of a disc, the network would take it for less.
 constexpr double kSlidingShare = 0.5;
+// Of the touches with friction: the force turns with the face that it rubs on. One that keeps its direction while the
+// finger bends away rubs more and more towards the tip; were all like that, what rubs towards the base would be rare.
+constexpr double kTurningShare = 0.75;
 constexpr double kWholeWidthShare = 0.5;  // of the lines: longer than the face is wide ...
 constexpr double kWholeWidths = 1.5;      // ... by so many times
 constexpr double kLevelShare = 0.6;       // of the lines: across the finger, but for some degrees
@@ -63,23 +66,21 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
       const bool slides = random.uniform() < kSlidingShare;
       contact.friction = slides ? on_circle(scene.friction, random) : in_disc(scene.friction, random);
     }
-    contact.follow = random.uniform();
+    contact.follow = random.uniform() < kTurningShare ? 1 : random.uniform();
   }
   return contact;
 }
 
-/// See kKindsOfTouch. `drawn`: of the scene; all kinds but the last take its share alone, and those with friction how
-/// far it follows the face.
+/// See kKindsOfTouch. `drawn`: of the scene; all kinds but the last take its share alone.
 FaceContact contact_of_kind(const FingerSpec& spec, const Scene& scene, int kind, const FaceContact& drawn,
                             const Eigen::Vector2d& place_mm, Random& random) {
   constexpr int kFirstPatch = 10, kLine = 13, kSlantedLine = 14, kThirds = 3;
-  constexpr double kAside_rad = 0.3;  // a force points away from the base, towards it or across within this
+  constexpr double kAside_rad = 0.15;  // a force points away from the base, towards it or across within this
   if (kind == kAnyTouch) return drawn;
-  FaceContact contact{
-      .centre_mm = place_mm, .full_force_n = drawn.full_force_n, .follow = drawn.follow, .share = drawn.share};
-  const bool rubs = kind > 0 && kind < kFirstPatch;
-  if (scene.friction > 0 && !rubs) contact.follow = 1;  // a force that does not turn with the face rubs on it
-  if (rubs) {
+  FaceContact contact{.centre_mm = place_mm, .full_force_n = drawn.full_force_n, .share = drawn.share};
+  // A force that does not turn with the face rubs on it.
+  contact.follow = scene.friction > 0 ? 1 : drawn.follow;
+  if (kind > 0 && kind < kFirstPatch) {
     const double friction = scene.friction * ((kind - 1) / kThirds + 1) / kThirds;
     const double across_rad = random.uniform() < 0.5 ? 0 : std::numbers::pi;
     const double directions_rad[] = {0.5 * std::numbers::pi, -0.5 * std::numbers::pi, across_rad};

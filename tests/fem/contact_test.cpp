@@ -131,15 +131,15 @@ TEST_CASE("scene contacts: kinds of touch differ by friction and patch, as far a
     const Eigen::Vector2d& friction = contact.friction;
     const bool rubs = kind >= 1 && kind <= 9, is_patch = kind >= 10 && kind <= 12, is_line = kind >= 13;
     CHECK(friction.norm() == doctest::Approx(rubs ? 0.2 * ((kind - 1) / 3 + 1) : 0));
-    if (rubs && kind % 3 == 1) CHECK(friction.y() > 0.9 * friction.norm());
-    if (rubs && kind % 3 == 2) CHECK(friction.y() < -0.9 * friction.norm());
-    if (rubs && kind % 3 == 0) CHECK(std::abs(friction.x()) > 0.9 * friction.norm());
+    if (rubs && kind % 3 == 1) CHECK(friction.y() > 0.98 * friction.norm());
+    if (rubs && kind % 3 == 2) CHECK(friction.y() < -0.98 * friction.norm());
+    if (rubs && kind % 3 == 0) CHECK(std::abs(friction.x()) > 0.98 * friction.norm());
     if (is_patch) CHECK(contact.radius_mm >= 4 * (kind - 10));
     if (is_patch) CHECK(contact.radius_mm <= 4 * (kind - 9));
     if (!is_patch && !is_line) CHECK(contact.radius_mm == 0);
     CHECK((contact.half_length_mm > spec.half_width.at(60)) == is_line);
     CHECK((contact.angle_rad != 0) == (kind == 14));
-    if (!rubs) CHECK(contact.follow == 1);
+    CHECK(contact.follow == 1);
     CHECK(contact.centre_mm == (is_line ? Eigen::Vector2d(0, 60) : place_mm));
 
     const FaceContact point = draw_kind(spec, spec.scene("probe"), kind, place_mm, random).at(0);
@@ -168,7 +168,7 @@ TEST_CASE("scene contacts: stay within the scene's numbers and are the same for 
   const FingerSpec spec = read_finger_spec(FINSIGHT_SOURCE_DIR "/hostgen/fingers/srm.toml");
   for (const Scene& scene : common_scenes()) {
     Random random(5), same(5);
-    int lines = 0, sliding = 0;
+    int lines = 0, sliding = 0, turning = 0;
     double most_friction = 0;
     constexpr int kDraws = 400;
     for (int i = 0; i < kDraws; ++i) {
@@ -178,6 +178,7 @@ TEST_CASE("scene contacts: stay within the scene's numbers and are the same for 
       for (const FaceContact& contact : contacts) {
         most_friction = std::max(most_friction, contact.friction.norm());
         sliding += contact.friction.norm() > 0.9999 * scene.friction;
+        turning += contact.follow == 1;
         lines += contact.half_length_mm > 0;
         if (contact.half_length_mm == 0) CHECK(contact.radius_mm <= scene.patch_radius_mm);
         const FaceContact other = vary(spec, scene, contact, 4, random);
@@ -192,6 +193,7 @@ TEST_CASE("scene contacts: stay within the scene's numbers and are the same for 
     CHECK(most_friction >= 0.95 * scene.friction);
     if (scene.friction > 0 && !scene.elsewhere) {
       CHECK(std::abs(double(sliding) / (kDraws * scene.contacts) - 0.425) < 0.06);
+      CHECK(std::abs(double(turning) / (kDraws * scene.contacts) - 0.75) < 0.06);
     }
     CHECK((lines > 0) == (scene.line_share > 0));
     if (scene.contacts < 2) continue;
