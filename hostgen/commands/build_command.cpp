@@ -278,7 +278,7 @@ void add_build_command(CLI::App& app) {
   command
       ->add_option(
           "--profile", options->profile,
-          "quick: a few minutes; full: some fifty on two cores, the paper's 570 points with 21 forces each, or 700 "
+          "quick: a few minutes; full: over an hour on two cores, the paper's 570 points with 21 forces each, or 700 "
           "with 11 where every force has contacts of its own (scenes with more than frictionless points)")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();

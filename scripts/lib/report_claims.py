@@ -122,7 +122,7 @@ CLAIMS = [
     _claim("fit", "… and the deviation of its force: off by", _off_68("fit.before.force_coverage_68"), "points", 5),
     _claim("fit", "… with smoothing_ms = 50 in the board file: force", _percent("fit.smoothed.force_relative"), "%", 5,
            _percent("fit.before.force_relative"), "before the fit, not smoothed"),
-    _claim("fit", "… in newtons", "fit.smoothed.force_mean_n", "N", 0.15, "fit.before.force_mean_n", "the same"),
+    _claim("fit", "… so smoothed, in newtons", "fit.smoothed.force_mean_n", "N", 0.15, "fit.before.force_mean_n", "the same"),
     _claim("fit", "… touch", "fit.smoothed.touch_mean_mm", "mm", 1.0, "fit.before.touch_mean_mm", "the same"),
     _claim("fem", "The finite elements, with CalculiX's kind of element, agree with CalculiX", "fem.calculix_max_diff_mm", "mm", 1e-4),
     _claim("fem", "… with their own, on the mesh of the packs, bend as far as on the finest: difference", _off_the_finest, "%", 5),

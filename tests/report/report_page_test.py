@@ -134,6 +134,8 @@ class Page(unittest.TestCase):
         self.assertIn("5.5 ms", readme.read_text())
         self.assertIn("58 µs", readme.read_text())
         self.assertNotIn("77 µs", readme.read_text())
+        names = [claim["claim"] for claim in report_claims.CLAIMS]
+        self.assertEqual(len(names), len(set(names)), "a claim that keeps its figure is found by its name")
         (made / "growth.svg").unlink()
         report_page.renew_readme(readme, measured_here, made)
         self.assertIn("growth.svg", readme.read_text())
