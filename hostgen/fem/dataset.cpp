@@ -15,6 +15,10 @@ namespace finsight::host {
 
 namespace {
 
+// Fingers are so many times softer or stiffer than their spec's, and bend as it does under more or less force. They
+// must not meet the end of what was learnt, and the radii of their touches must hold as well.
+constexpr double kStiffness = 1.25;
+
 std::int32_t nearest_front_node(const TetMesh& mesh, const Vec3f& point_mm) {
   std::int32_t nearest = -1;
   double nearest_sq = std::numeric_limits<double>::max();
@@ -41,7 +45,7 @@ FemDataset empty_set(const FingerSpec& spec, const TetMesh& mesh, const DatasetP
           .mesh_sha256 = mesh_sha256(mesh)};
 }
 
-/// The forces of a path: the spec's range; where the finger does not bear the lowest of them, up to what it bears of
+/// The forces of a path: the range; where the finger does not bear the lowest of them, up to what it bears of
 /// half of that, a quarter ..., down to kWeakestPush_n. Leaves the finger at the lowest, or at rest.
 std::array<double, 2> path_range(FingerStatics& statics, const LoadPath& load, const std::array<double, 2>& range_n) {
   const auto bears = [&](double force_n) {
@@ -76,17 +80,16 @@ std::vector<FingerStatics::OtherLoad> nearby_loads(const FingerSpec& spec, const
   return loads;
 }
 
-/// Near the present state, which is the path's at `step`; after its last step also up to a quarter beyond its force:
-/// fingers that are softer than the spec's bend as if they were pushed harder, and must not meet the end of what was
-/// learnt. The finger may then stand there.
+/// Near the present state, which is the path's at `step`; after its last step also up to kStiffness times its force.
+/// The finger may then stand there.
 std::vector<FemState> states_nearby(FingerStatics& statics, const FingerSpec& spec, const LoadPath& load,
                                     std::int32_t step, int forces, double step_n, Random& random) {
-  constexpr double kBeyond = 1.125;
+  constexpr double kBeyond = 0.5 * (1 + kStiffness);  // of that range the middle
   const auto force_n = static_cast<double>(statics.state().force_n);
   const std::array<double, 2> around_n = {step == 0 ? 0 : force_n - 0.5 * step_n, force_n + 0.5 * step_n};
   std::vector<FemState> nearby = statics.nearby(nearby_loads(spec, load, step, around_n, kNearby, random));
   if (step + 1 == forces && statics.press(kBeyond * force_n) && statics.state().valid()) {
-    const std::array<double, 2> beyond_n = {force_n, (2 * kBeyond - 1) * force_n};
+    const std::array<double, 2> beyond_n = {force_n, kStiffness * force_n};
     for (FemState& state : statics.nearby(nearby_loads(spec, load, step, beyond_n, kNearby, random))) {
       nearby.push_back(state);
     }
@@ -95,17 +98,13 @@ std::vector<FemState> states_nearby(FingerStatics& statics, const FingerSpec& sp
   return nearby;
 }
 
-// Fingers that are as much softer or stiffer than their spec's bend as this one does under more or less force. The
-// radii of their touches must hold as well.
-constexpr double kStiffestKept = 1.25;
-
 // A force that finds no equilibrium or pushes too far keeps its place in the set, marked as not valid, with the last
 // state that was found; so do the higher forces of its path, which are not tried.
 void walk_path(FingerStatics& statics, const FingerSpec& spec, const TetMesh& mesh, const LoadPath& load,
                std::int32_t index, FemDataset& path) {
   Random random(0xa11'0000 + static_cast<std::uint64_t>(index));
   const bool is_kept = load.scene >= kFirstKept;
-  const double stiffness = is_kept ? std::exp(random.uniform(-1, 1) * std::log(kStiffestKept)) : 1;
+  const double stiffness = is_kept ? std::exp(random.uniform(-1, 1) * std::log(kStiffness)) : 1;
   const std::array<double, 2> range_n =
       path_range(statics, load, {spec.force_n[0] / stiffness, spec.force_n[1] / stiffness});
   Outcome outcome = Outcome::kEquilibrium;

@@ -104,8 +104,10 @@ TEST_CASE("dataset: touches of every kind, and of every other scene on the face,
   for (std::size_t kind = 0; kind < states.size(); ++kind) CHECK(states[kind] == (kind < kAnyTouch ? 3 : 12));
   // Pushed as hard as fingers must be that are up to a quarter softer or stiffer.
   const auto [weakest, strongest] = std::ranges::minmax(dataset.kept, {}, &FemState::force_n);
-  CHECK(weakest.force_n == doctest::Approx(0.1 / 1.25).epsilon(0.1));
-  CHECK(strongest.force_n == doctest::Approx(0.4 * 1.25).epsilon(0.1));
+  CHECK(weakest.force_n >= 0.1 / 1.25);
+  CHECK(weakest.force_n < 1.1 * 0.1 / 1.25);
+  CHECK(strongest.force_n <= 0.4 * 1.25);
+  CHECK(strongest.force_n > 0.9 * 0.4 * 1.25);
   const std::vector<LoadPath> paths = load_paths(test::small_finger_spec(), {.points = 4, .scene = "grasp"});
   const LoadPath& sliding = paths.at(paths.size() - 2 * 4 - kAnyTouch + 8);
   for (int k = 0; k < 7; ++k) {
