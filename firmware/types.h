@@ -123,7 +123,7 @@ struct Observation {
   bool camera_moved = false;  ///< they have done so for long: camera or finger were knocked
   float shaken_mm = 0;        ///< see Shake
   /// Standard deviation, along each axis, of an acceleration (gravity included) that bends the finger and that the
-  /// poses are not corrected for; in g.
+  /// poses are not corrected for; in g. See GravityCorrection.
   float unknown_g = 0;
   bool is_from_rest = false;  ///< the poses are relative to this finger's own rest, not to the model's
 };

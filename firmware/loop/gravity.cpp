@@ -9,7 +9,7 @@ GravityCorrection::GravityCorrection(const TouchModel& model, const std::optiona
       felt_g_(fixed_g),
       at_zero_g_(fixed_g) {}
 
-/// How far `g` moves plates that stand at `from`. What 1 g does is that of half-way.
+// What 1 g does is that of half-way.
 PoseVector GravityCorrection::bend(const PoseVector& from, const Vec3f& g) const {
   constexpr int kIterations = 2;
   PoseVector moved = per_g_ * g;
@@ -22,7 +22,7 @@ PoseVector GravityCorrection::bend(const PoseVector& from, const Vec3f& g) const
 }
 
 float GravityCorrection::apply(bool is_zeroed, PlatePoses& poses) const {
-  if (!felt_g_ || (is_zeroed && !at_zero_g_)) return is_zeroed ? kUnknownSinceZero_g : kUnknown_g;
+  if (!felt_g_ || (is_zeroed && !at_zero_g_)) return kUnknown_g;
   const Vec3f before_g = is_zeroed ? *at_zero_g_ : Vec3f::Zero();
   const PoseVector at_zero = bend(PoseVector::Zero(), before_g);
   add_motion(at_zero + bend(pose_vector(poses) + at_zero, -*felt_g_), poses);

@@ -15,8 +15,8 @@ class GravityCorrection {
   /// Left over where it is known, in g: two degrees of the arm's own error; and what bends the finger so far that the
   /// pack does not tell it, which grows with the square. `scripts/report scene` shows whether radii then hold.
   static constexpr float kKnown_g = 0.03F, kUntold_per_g = 0.015F;
-  /// Two random directions differ by 0.82 g along each axis, opposite ones by 1.15 g; an arm adds up to 2 g of its own.
-  static constexpr float kUnknownSinceZero_g = 1.1F, kUnknown_g = 1.0F;
+  /// Where it is not known: two random directions differ by 0.82 g along each axis, opposite ones by 1.15 g.
+  static constexpr float kUnknown_g = 1;
 
   /// `fixed_g`: the acceleration of things that fall, in the finger frame, where the finger never turns.
   GravityCorrection(const TouchModel& model, const std::optional<Vec3f>& fixed_g);
@@ -34,9 +34,11 @@ class GravityCorrection {
   /// gravity. Returns Observation::unknown_g.
   float apply(bool is_zeroed, PlatePoses& poses) const;
 
+  /// How far `g` moves plates that stand at `from`, relative to the model's rest.
+  PoseVector bend(const PoseVector& from, const Vec3f& g) const;
+
  private:
   using PerG = Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor>;
-  PoseVector bend(const PoseVector& from, const Vec3f& g) const;
 
   PerG per_g_;
   Eigen::Matrix<float, 3 * kPoseDims, kBentFeatures, Eigen::RowMajor> change_;

@@ -171,6 +171,7 @@ TouchModel read_touch(PackReader& pack) {
   touch.threshold_mm = pack.number<float>(meta::kThreshold, 0.01f, 50);
   touch.range_mm = pack.number<float>(meta::kRange, touch.threshold_mm, 1000);
   touch.explained_above = pack.number<float>(meta::kExplainedAbove, -1e6F, 1e6F);
+  touch.explained_above_unknown_g = pack.number<float>(meta::kExplainedAboveUnknown_g, -1e6F, 1e6F);
   touch.stiffness_tolerance = pack.number<float>(meta::kStiffnessTolerance, 0, 1);
   touch.marker_tolerance_mm = pack.number<float>(meta::kMarkerTolerance_mm, 0, 10);
   touch.marker_tolerance_rad = pack.number<float>(meta::kMarkerTolerance_rad, 0, 1);

@@ -57,12 +57,12 @@ struct DenseInt8 {
   std::span<const float> bias;           ///< [outputs]
 };
 
-/// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, log of each plate's noise.
-/// Outputs: point x y z and its displacement x y z (mm), force (normal, across, along; N), its moment about the finger
-/// frame's origin x y z (N m); then the logarithms of the standard deviations of point, force and moment; then the
-/// log-odds that a touch of the scene moved the plates so.
+/// Plate motions -> touch. Inputs: direction of the scaled 18 numbers, log of their size, log of each plate's noise and
+/// of how much gravity is unknown. Outputs: point x y z and its displacement x y z (mm), force (normal, across, along;
+/// N), its moment about the finger frame's origin x y z (N m); then the logarithms of the standard deviations of point,
+/// force and moment; then the log-odds that a touch of the scene moved the plates so.
 struct TouchModel {
-  static constexpr int kInputs = kPoseDims + 1 + kPlates;  // direction, size, noise
+  static constexpr int kInputs = kPoseDims + 2 + kPlates;  // direction, size, noise, gravity
   static constexpr int kMeans = 12;                        // point, displacement, force, moment
   static constexpr int kOutputs = 22;  // the means, a log-sigma each of point, force and moment, the log-odds
   static constexpr int kSeenPatterns = (1 << kPlates) - 1;
@@ -76,18 +76,19 @@ struct TouchModel {
   std::span<const float> radius_curve;
   /// The radius network (radius_factor()): one hidden layer, algebraic_silu(); it answers the logarithm of a factor of
   /// that radius.
-  static constexpr int kRadiusFeatures = 10, kRadiusHidden = 20;
+  static constexpr int kRadiusFeatures = 11, kRadiusHidden = 20;
   std::span<const float> radius_inputs;  ///< [kRadiusFeatures, 2] mean, and what multiplies (feature - mean)
   std::span<const float> radius_hidden;  ///< [kRadiusHidden, kRadiusFeatures + 1] weights, then the bias
   std::span<const float> radius_output;  ///< [kRadiusHidden + 1] weights, then the bias
   /// [kSeenPatterns] factors of that radius where only some plates are seen, at seen_index(); the last is 1.
   std::span<const float> seen_factor;
-  std::array<DenseInt8, 3> layers;  ///< 22 -> 512 -> 512 -> 22, algebraic_silu() between
+  std::array<DenseInt8, 3> layers;  ///< 23 -> 512 -> 512 -> 22, algebraic_silu() between
   std::span<const float>
-      face_axes;                 ///< [3, 3] unit vectors in the finger frame: the face's inward normal, across, along
-  float threshold_mm = 0;        ///< plate motion below which a touch is invalid
-  float range_mm = 0;            ///< plate motion beyond any trained touch: over range, no touch
-  float explained_above = 0;     ///< log-odds below which the motion is unexplained, no touch
+      face_axes;              ///< [3, 3] unit vectors in the finger frame: the face's inward normal, across, along
+  float threshold_mm = 0;     ///< plate motion below which a touch is invalid
+  float range_mm = 0;         ///< plate motion beyond any trained touch: over range, no touch
+  float explained_above = 0;  ///< log-odds below which the motion is unexplained, no touch
+  float explained_above_unknown_g = 0;  ///< the same where gravity is not known
   std::span<const float> per_g;  ///< [kPoseDims, 3] plate motion for an acceleration of 1 g along x, y and z, at rest
   /// [kPoseDims, 3, kBentFeatures] how that changes as the finger bends: for a unit of each of bent_features().
   std::span<const float> per_g_change;
@@ -212,7 +213,7 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "6";
+inline constexpr const char* kFormatVersion = "7";
 inline constexpr const char* kFinger = "finger";
 inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";
@@ -223,6 +224,7 @@ inline constexpr const char* kMarkerSize = "marker_size_mm";
 inline constexpr const char* kThreshold = "touch_threshold_mm";
 inline constexpr const char* kRange = "touch_range_mm";
 inline constexpr const char* kExplainedAbove = "touch_explained_above";
+inline constexpr const char* kExplainedAboveUnknown_g = "touch_explained_above_unknown_g";
 inline constexpr const char* kStiffnessTolerance = "stiffness_tolerance";
 inline constexpr const char* kMarkerTolerance_mm = "marker_tolerance_mm";
 inline constexpr const char* kMarkerTolerance_rad = "marker_tolerance_rad";

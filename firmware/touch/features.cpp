@@ -2,12 +2,10 @@
 
 #include <cmath>
 
-#include "firmware/touch/int8_network.h"
-
 namespace finsight {
 
 void touch_features(const TouchModel& model, const PoseVector& motion, const std::array<float, kPlates>& noise,
-                    std::span<float, TouchModel::kInputs> inputs) {
+                    float unknown_g, std::span<float, TouchModel::kInputs> inputs) {
   // In double and in a fixed order: the result, rounded to float, is then the same on every processor.
   double size_sq = 0;
   for (std::size_t i = 0; i < kPoseDims; ++i) {
@@ -18,6 +16,7 @@ void touch_features(const TouchModel& model, const PoseVector& motion, const std
   for (std::size_t i = 0; i < kPoseDims; ++i) inputs[i] = static_cast<float>(static_cast<double>(inputs[i]) / size);
   inputs[kPoseDims] = static_cast<float>(std::log(size));
   for (std::size_t p = 0; p < kPlates; ++p) inputs[kPoseDims + 1 + p] = log_float(noise[p]);
+  inputs[kPoseDims + 1 + kPlates] = log_unknown_g(unknown_g);
   for (std::size_t i = 0; i < TouchModel::kInputs; ++i) {
     inputs[i] = (inputs[i] - model.input_mean[i]) * model.input_scale[i];
   }

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
-#include "firmware/touch/int8_network.h"
+#include "firmware/touch/features.h"
 
 namespace finsight {
 
-RadiusFeatures radius_features(const Touch& touch, float log_odds, float radius_mm) {
+RadiusFeatures radius_features(const Touch& touch, float log_odds, float radius_mm, float unknown_g) {
   constexpr float kLeastOdds = -5, kMostOdds = 6;  // that are told apart: touches of the scene lie between
   constexpr float kSmallestPush_n = 0.3F;          // a weaker one tells nothing about friction
   const float normal_n = std::max(touch.force_vector_n[0], kSmallestPush_n);
@@ -19,7 +19,8 @@ RadiusFeatures radius_features(const Touch& touch, float log_odds, float radius_
           log_float(radius_mm),
           log_float(touch.force_vector_sigma_n[0]),
           log_float(touch.force_vector_sigma_n[1]),
-          log_float(touch.force_vector_sigma_n[2])};
+          log_float(touch.force_vector_sigma_n[2]),
+          log_unknown_g(unknown_g)};
 }
 
 RadiusFeatures normalised(std::span<const float> radius_inputs, const RadiusFeatures& features) {

@@ -61,16 +61,22 @@ Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, cons
   if (nothing.plate_motion_mm < model_.threshold_mm) return nothing;
   nothing.over_range = nothing.plate_motion_mm > model_.range_mm;
   if (nothing.over_range) return nothing;
-  const Noise noise = noise_of(poses, nothing.plate_motion_mm);
-  Touch touch = read(run_network(noise, motion), nothing.plate_motion_mm);
+  const Trust trust = trust_in(poses, nothing.plate_motion_mm, doubt.unknown_g);
+  Touch touch = read(run_network(trust, motion), nothing.plate_motion_mm);
   if (!is_finite(touch)) return nothing;
-  widen(noise, motion, doubt, poses.seen, touch);
+  widen(trust, motion, doubt, poses.seen, touch);
   nothing.explained = touch.explained;
-  nothing.unexplained = touch.explained < model_.explained_above - less_likely_;
+  nothing.unexplained = is_unexplained(touch, doubt.unknown_g);
   if (nothing.unexplained || !is_finite(touch) || !is_on_face(touch)) return nothing;
   withhold_untold(touch);
   touch.quality = Quality::kFresh;
   return touch;
+}
+
+bool TouchStage::is_unexplained(const Touch& touch, float unknown_g) const {
+  constexpr float kMostKnown_g = 0.5F * kMaxUnknown_g;
+  const float above = unknown_g < kMostKnown_g ? model_.explained_above : model_.explained_above_unknown_g;
+  return touch.explained < above - less_likely_;
 }
 
 // For plate motions that no touch causes (a shaken hand, a knocked camera) the network may answer anything.
@@ -109,26 +115,27 @@ Touch TouchStage::read(const Outputs& outputs, float plate_motion_mm) const {
   return touch;
 }
 
-float TouchStage::published_radius_mm(const Touch& touch, const std::array<bool, kPlates>& seen) const {
+float TouchStage::published_radius_mm(const Touch& touch, float unknown_g,
+                                      const std::array<bool, kPlates>& seen) const {
   const float radius_mm = calibrated_radius_mm(model_.radius_curve, touch.plate_motion_mm, touch.radius_68_mm);
-  const RadiusFeatures features = radius_features(touch, touch.explained + less_likely_, radius_mm);
+  const RadiusFeatures features = radius_features(touch, touch.explained + less_likely_, radius_mm, unknown_g);
   return model_.seen_factor[seen_index(seen)] * radius_factor(model_, features) * radius_mm;
 }
 
 // On another finger than the pack's the network must not read the plates' motion to the last micrometre: told of more
 // noise, it errs less there and says by how much.
-TouchStage::Noise TouchStage::noise_of(const PlatePoses& poses, float plate_motion_mm) const {
+TouchStage::Trust TouchStage::trust_in(const PlatePoses& poses, float plate_motion_mm, float unknown_g) const {
   const float other = model_.noise_per_mm * plate_motion_mm;
-  Noise noise;
+  Trust trust{.noise = {}, .unknown_g = unknown_g};
   for (std::size_t p = 0; p < kPlates; ++p) {
-    noise[p] = network_noise(poses.seen[p], std::sqrt(poses.noise[p] * poses.noise[p] + other * other));
+    trust.noise[p] = network_noise(poses.seen[p], std::sqrt(poses.noise[p] * poses.noise[p] + other * other));
   }
-  return noise;
+  return trust;
 }
 
-const TouchStage::Outputs& TouchStage::run_network(const Noise& noise, const PoseVector& motion) {
+const TouchStage::Outputs& TouchStage::run_network(const Trust& trust, const PoseVector& motion) {
   std::array<float, TouchModel::kInputs> inputs;
-  touch_features(model_, motion, noise, inputs);
+  touch_features(model_, motion, trust.noise, trust.unknown_g, inputs);
   forward(model_.layers[0], inputs, hidden_[0], true);
   forward(model_.layers[1], hidden_[0], hidden_[1], true);
   forward(model_.layers[2], hidden_[1], outputs_, false);
@@ -138,7 +145,7 @@ const TouchStage::Outputs& TouchStage::run_network(const Noise& noise, const Pos
   return outputs_;
 }
 
-void TouchStage::widen(const Noise& noise, const PoseVector& motion, const Doubt& doubt,
+void TouchStage::widen(const Trust& trust, const PoseVector& motion, const Doubt& doubt,
                        const std::array<bool, kPlates>& seen, Touch& touch) {
   float point_sq = model_.touch_tolerance_mm * model_.touch_tolerance_mm;
   // How hard a finger is pushed to bend so far goes with its stiffness.
@@ -146,21 +153,17 @@ void TouchStage::widen(const Noise& noise, const PoseVector& motion, const Doubt
   Vec3f moment_sq = (model_.stiffness_tolerance * touch.moment_nm).cwiseAbs2();
   if (doubt.shaken_mm > 0) point_sq += kShiftPerShake * kShiftPerShake * doubt.shaken_mm * doubt.shaken_mm;
   const auto ask = [&](const PoseVector& change) {
-    const Touch other = read(run_network(noise, motion + change), touch.plate_motion_mm);
+    const Touch other = read(run_network(trust, motion + change), touch.plate_motion_mm);
     point_sq += (other.point_mm - touch.point_mm).squaredNorm();
     force_sq += (other.force_vector_n - touch.force_vector_n).cwiseAbs2();
     moment_sq += (other.moment_nm - touch.moment_nm).cwiseAbs2();
     touch.explained = std::max(touch.explained, other.explained);  // something of that may be the explanation
   };
-  if (doubt.unknown_g > 0) {
-    const Eigen::Map<const Eigen::Matrix<float, kPoseDims, 3, Eigen::RowMajor>> per_g(model_.per_g.data());
-    for (int axis = 0; axis < 3; ++axis) ask(doubt.unknown_g * per_g.col(axis));
-  }
   for (const PoseVector& change : doubt.changes) ask(change);
   for (int i = 0; i < kPoseDims && !doubt.is_from_rest; ++i) {
     ask((i % 6 < 3 ? model_.marker_tolerance_mm : model_.marker_tolerance_rad) * PoseVector::Unit(i));
   }
-  const float radius_mm = published_radius_mm(touch, seen);
+  const float radius_mm = published_radius_mm(touch, doubt.unknown_g, seen);
   touch.radius_68_mm = std::sqrt(radius_mm * radius_mm + point_sq);
   touch.force_vector_sigma_n = (touch.force_vector_sigma_n.cwiseAbs2() + force_sq).cwiseSqrt();
   touch.moment_sigma_nm = (touch.moment_sigma_nm.cwiseAbs2() + moment_sq).cwiseSqrt();

@@ -17,7 +17,7 @@ std::size_t seen_index(const std::array<bool, kPlates>& seen);
 /// What the noise of the poses does not hold of how far a touch may be off.
 struct Doubt {
   float shaken_mm = 0;                    ///< see Shake
-  float unknown_g = 0;                    ///< see Observation
+  float unknown_g = 0;                    ///< see Observation; of this the network knows
   bool is_from_rest = true;               ///< see Observation
   std::span<const PoseVector> changes{};  ///< of the motion, one standard deviation each; see MarkerPlaces
 };
@@ -55,23 +55,27 @@ class TouchStage {
   /// its factors do the same whichever plates are seen. Components of force and moment that the plates do not tell are
   /// NaN, with their deviations; force_n never is.
   ///
-  /// A `doubt` widens the radius and the deviations: the network knows fingers that stand still, zeroed, and bent by
-  /// nothing but touch. For everything else that may have moved the plates the network is asked once more, with the
-  /// plates moved by one standard deviation of it: six times after a zero, up to 21 times where gravity is not known
-  /// and there is no zero.
+  /// A `doubt` widens the radius and the deviations: the network knows fingers that stand still and are zeroed, bent by
+  /// touch and by gravity. For everything else that may have moved the plates the network is asked once more, with the
+  /// plates moved by one standard deviation of it: six times after a zero, 18 times where there is no zero.
   Touch locate(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt);
   Touch locate(const PlatePoses& poses) { return locate(poses, pose_vector(poses), {}); }
 
  private:
   using Outputs = std::array<float, TouchModel::kOutputs>;
-  using Noise = std::array<float, kPlates>;
-  Noise noise_of(const PlatePoses& poses, float plate_motion_mm) const;
-  const Outputs& run_network(const Noise& noise, const PoseVector& motion);
+  /// What the network is told of how far to trust a motion.
+  struct Trust {
+    std::array<float, kPlates> noise;
+    float unknown_g;
+  };
+  Trust trust_in(const PlatePoses& poses, float plate_motion_mm, float unknown_g) const;
+  const Outputs& run_network(const Trust& trust, const PoseVector& motion);
   Touch read(const Outputs& outputs, float plate_motion_mm) const;  ///< the radius as the network has it
-  float published_radius_mm(const Touch& touch, const std::array<bool, kPlates>& seen) const;
+  float published_radius_mm(const Touch& touch, float unknown_g, const std::array<bool, kPlates>& seen) const;
+  bool is_unexplained(const Touch& touch, float unknown_g) const;
   void read_forces(const Outputs& outputs, Touch& touch) const;
   void withhold_untold(Touch& touch) const;
-  void widen(const Noise& noise, const PoseVector& motion, const Doubt& doubt, const std::array<bool, kPlates>& seen,
+  void widen(const Trust& trust, const PoseVector& motion, const Doubt& doubt, const std::array<bool, kPlates>& seen,
              Touch& touch);
   bool is_on_face(const Touch& touch) const;
 

@@ -41,7 +41,7 @@ struct Profile {
 };
 const std::map<std::string, Profile> kProfiles = {
     {"quick", {{.points = 60, .forces = 7}, 6000}},
-    {"full", {{.points = 570, .forces = 21}, 100000}},
+    {"full", {{.points = 570, .forces = 21}, 120000}},
 };
 
 /// The response to gravity is fitted to three states at each of its places: enough for its 36 features.
@@ -204,14 +204,14 @@ void check_moves_plates(const FingerSpec& spec, const FemDataset& dataset) {
 }
 
 /// How an acceleration moves the plates.
-void take_gravity(Parts& parts, const TetMesh& mesh, int places) {
+void take_gravity(const Parts& parts, const TetMesh& mesh, int places, TouchTrainingPlan& plan) {
   const GravityResponse response =
       gravity_response(std::make_shared<const PushedFinger>(parts.spec, mesh), parts.spec.scene(parts.scene), places);
   const auto take = [](const auto& numbers, std::vector<float>& into) {
     std::copy_n(numbers.data(), into.size(), into.begin());
   };
-  take(response.at_rest.cast<float>().eval(), parts.touch.model.per_g);
-  take(response.change.cast<float>().eval(), parts.touch.model.per_g_change);
+  take(response.at_rest.cast<float>().eval(), plan.per_g);
+  take(response.change.cast<float>().eval(), plan.per_g_change);
 }
 
 void run(const Options& options) {
@@ -253,9 +253,9 @@ void run(const Options& options) {
 
   Stopwatch training_time;
   parts.prior = fit_plate_prior(dataset, parts.spec.noise);
-  parts.touch = train_touch(parts.spec, dataset, parts.prior, {.seed = options.seed, .steps = profile.training_steps},
-                            touches_of_scene(parts.spec, dataset.plan));
-  take_gravity(parts, mesh, std::max(kFewestGravityPlaces, profile.dataset.points / 6));
+  TouchTrainingPlan plan{.seed = options.seed, .steps = profile.training_steps};
+  take_gravity(parts, mesh, std::max(kFewestGravityPlaces, profile.dataset.points / 6), plan);
+  parts.touch = train_touch(parts.spec, dataset, parts.prior, plan, touches_of_scene(parts.spec, dataset.plan));
   figures.training_seconds = training_time.lap_s();
   figures.touch = &parts.touch;
   std::printf("%s", parts.touch.log.c_str());

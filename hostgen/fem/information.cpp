@@ -18,6 +18,7 @@ namespace finsight::host {
 namespace {
 
 constexpr double kFirm_mm = 4;
+constexpr double kUnknown_g = 1;  // spread of gravity along each axis, where it is not known
 
 /// One contact as numbers.
 struct Numbers {
@@ -57,14 +58,17 @@ std::optional<PoseVectorOf<double>> motion(FingerStatics& statics, const std::ve
 
 /// The standard deviations of the unknowns around these contacts; nothing where they do not bend the finger enough.
 std::optional<Eigen::VectorXd> deviations(FingerStatics& statics, const FingerSpec& spec,
-                                          const std::vector<Numbers>& contacts, const std::vector<Unknown>& unknowns) {
+                                          const std::vector<Numbers>& contacts, const std::vector<Unknown>& unknowns,
+                                          bool gravity_is_known) {
   const auto here = motion(statics, contacts);
   if (!here) return std::nullopt;
   if (plate_motion_mm(*here) < kFirm_mm) return std::nullopt;
-  const auto count = static_cast<Eigen::Index>(unknowns.size());
+  const std::optional<MotionPerG> per_g = statics.motion_per_g();
+  if (!per_g) return std::nullopt;
+  const auto count = static_cast<Eigen::Index>(unknowns.size()), all = count + (gravity_is_known ? 0 : 3);
   const PoseVectorOf<double> noise = pose_noise(spec.noise);
-  Eigen::MatrixXd slope(kPoseDims, count);
-  Eigen::VectorXd prior(count);
+  Eigen::MatrixXd slope(kPoseDims, all);
+  Eigen::VectorXd prior = Eigen::VectorXd::Constant(all, 1 / (kUnknown_g * kUnknown_g));
   for (Eigen::Index k = 0; k < count; ++k) {
     const Unknown& unknown = unknowns[static_cast<std::size_t>(k)];
     std::vector<Numbers> changed = contacts;
@@ -74,9 +78,11 @@ std::optional<Eigen::VectorXd> deviations(FingerStatics& statics, const FingerSp
     slope.col(k) = ((*there - *here) / unknown.step).cwiseQuotient(noise);
     prior[k] = 1 / (unknown.spread * unknown.spread);
   }
+  if (!gravity_is_known) slope.rightCols<3>() = noise.cwiseInverse().asDiagonal() * *per_g;
   Eigen::MatrixXd information = slope.transpose() * slope;
   information.diagonal() += prior;
-  return information.llt().solve(Eigen::MatrixXd::Identity(count, count)).diagonal().cwiseSqrt().eval();
+  const Eigen::MatrixXd covariance = information.llt().solve(Eigen::MatrixXd::Identity(all, all));
+  return covariance.diagonal().head(count).cwiseSqrt().eval();
 }
 
 std::vector<Unknown> of_contact(const FingerSpec& spec, std::size_t contact, bool with_friction) {
@@ -104,11 +110,12 @@ std::vector<InformationLimit> information_limits(const FingerSpec& spec, int pla
   struct Kind {
     std::string name;
     std::size_t contacts;
-    bool with_friction;
+    bool with_friction, gravity_is_known = true;
   };
   std::vector<InformationLimit> limits;
   for (const Kind& kind : {Kind{"one push", 1, false}, Kind{"one patch with friction", 1, true},
-                           Kind{"two pushes", 2, false}, Kind{"two patches with friction", 2, true}}) {
+                           Kind{"one patch with friction, and gravity", 1, true, false}, Kind{"two pushes", 2, false},
+                           Kind{"two patches with friction", 2, true}}) {
     std::vector<Unknown> unknowns;
     for (std::size_t c = 0; c < kind.contacts; ++c) {
       for (Unknown& unknown : of_contact(spec, c, kind.with_friction)) unknowns.push_back(std::move(unknown));
@@ -127,7 +134,7 @@ std::vector<InformationLimit> information_limits(const FingerSpec& spec, int pla
         if (kind.with_friction) n.radius_mm = random.uniform(2, 8);
         contacts.push_back(n);
       }
-      found[i] = deviations(statics, spec, contacts, unknowns);
+      found[i] = deviations(statics, spec, contacts, unknowns, kind.gravity_is_known);
     });
     InformationLimit limit{.name = kind.name};
     for (std::size_t k = 0; k < unknowns.size(); ++k) {

@@ -17,8 +17,9 @@ struct InformationLimit {
   std::vector<std::pair<std::string, double>> deviations = {};  ///< by number, with its unit in the name
 };
 
-/// For one frictionless push, for a patch with friction, for two pushes without friction and for two with: at `places`
-/// places each. The derivatives are differences of finite-element equilibria.
+/// For one frictionless push, for a patch with friction, for the same where gravity may have any direction, for two
+/// pushes without friction and for two with: at `places` places each. The derivatives are differences of finite-element
+/// equilibria, of gravity the tangent.
 std::vector<InformationLimit> information_limits(const FingerSpec& spec, int places);
 
 }  // namespace finsight::host

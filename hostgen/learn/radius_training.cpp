@@ -17,8 +17,17 @@ constexpr float kFitRate = 0.02F, kFitDecay = 0.1F;
 constexpr float kSmooth = 0.15F;  // width of the steps, in the logarithm of the radius
 
 // What is wanted of the errors of every kind, and how much it counts.
-constexpr float kInside = 0.69F, kInsideTwice = 0.95F;
+constexpr float kInside = 0.68F, kInsideTwice = 0.95F;
 constexpr float kOnceWeight = 5, kTwiceWeight = 12, kBeyondWeight = 100, kOthersWeight = 2;
+
+/// Of trials: those of the scene, all of them where gravity is not known, and other scenes.
+constexpr std::size_t kTurned = kKindsOfTouch, kFirstOther = kTurned + 1;
+
+std::size_t kind_of(const TouchTrial& trial) {
+  const std::size_t kind = trial.scene - kFirstKept;
+  if (kind >= kKindsOfTouch) return kFirstOther + kind - kKindsOfTouch;
+  return trial.gravity_is_known ? kind : kTurned;
+}
 
 struct Samples {
   Eigen::MatrixXf inputs;    ///< [TouchModel::kRadiusFeatures, samples] normalised
@@ -53,7 +62,7 @@ Eigen::MatrixXf loss_gradient(const Samples& samples, const Eigen::ArrayXf& answ
     const std::vector<float> shares = shares_inside(samples, answers, radii, derivative);
     for (Eigen::Index i = 0; i < answers.size(); ++i) {
       const std::size_t kind = samples.kind[static_cast<std::size_t>(i)];
-      gradient(0, i) += by_share(kind < kKindsOfTouch, shares[kind]) * derivative[i];
+      gradient(0, i) += by_share(kind < kFirstOther, shares[kind]) * derivative[i];
     }
   };
   add(1, [](bool of_scene, float inside) { return of_scene ? 2 * kOnceWeight * (inside - kInside) : 0; });
@@ -94,7 +103,7 @@ Samples samples_of(const std::vector<TouchTrial>& trials, const std::vector<floa
     std::ranges::copy(normalised(inputs, trials[k].radius_features), samples.inputs.col(column).data());
     constexpr float kLeastError = 1e-6F;
     samples.log_radii[column] = std::log(std::max(trials[k].error_mm.norm() / trials[k].radius_68_mm, kLeastError));
-    samples.kind.push_back(trials[k].scene - kFirstKept);
+    samples.kind.push_back(kind_of(trials[k]));
   }
   samples.trials.resize(*std::ranges::max_element(samples.kind) + 1, 0.0F);
   for (const std::size_t kind : samples.kind) ++samples.trials[kind];
@@ -107,7 +116,7 @@ float missing(const Samples& samples, const Eigen::ArrayXf& answers) {
   float all = 0, below = 0;
   for (Eigen::Index i = 0; i < answers.size(); ++i) {
     const std::size_t kind = samples.kind[static_cast<std::size_t>(i)];
-    if (kind >= kKindsOfTouch) continue;
+    if (kind >= kFirstOther) continue;
     beyond.emplace_back(samples.log_radii[i] - answers[i], 1 / samples.trials[kind]);
     all += beyond.back().second;
   }
@@ -126,7 +135,8 @@ void fit_radius_network(const std::vector<TouchTrial>& trials, double threshold_
   bool has_scene = false;
   for (const TouchTrial& trial : trials) {
     const bool is_weak = static_cast<double>(trial.plate_motion_mm) < threshold_mm;
-    const bool is_touch = trial.radius_68_mm > 0 && trial.explained >= model.explained_above;
+    const float above = trial.gravity_is_known ? model.explained_above : model.explained_above_unknown_g;
+    const bool is_touch = trial.radius_68_mm > 0 && trial.explained >= above;
     if (trial.scene < kFirstKept || is_weak || !is_touch) continue;
     has_scene = has_scene || trial.scene < kFirstKept + kKindsOfTouch;
     published.push_back(trial);

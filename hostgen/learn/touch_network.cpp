@@ -29,16 +29,23 @@ void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vect
   }
 }
 
+GravityCorrection gravity_of(const TouchTrainingPlan& plan) {
+  TouchModel model;
+  model.per_g = plan.per_g;
+  model.per_g_change = plan.per_g_change;
+  return {model, std::nullopt};
+}
+
 // Draws random touches and measures them: noise, missing plates, features. One column of inputs and targets per touch.
 class Measurements {
  public:
   Measurements(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
-               const PlatePrior& prior, const std::array<double, kPlates>& plate_height_mm,
-               const CornerMeasurement* camera, Random& random)
+               const PlatePrior& prior, const TouchTrainingPlan& plan, const CornerMeasurement* camera, Random& random)
       : touches_(touches),
         noise_(noise),
         prior_(prior),
-        plate_height_mm_(plate_height_mm),
+        plate_height_mm_(plan.plate_height_mm),
+        gravity_(gravity_of(plan)),
         camera_(camera),
         random_(random) {}
 
@@ -46,6 +53,7 @@ class Measurements {
     for (int column = 0; column < inputs.cols(); ++column) {
       const TouchSample& touch = touches_[random_.index(touches_.size())];
       PoseVector numbers = touch.numbers;
+      const float unknown_g = add_gravity(gravity_, random_, numbers);
       const float swing_mm = add_swing(plate_height_mm_, random_, numbers);
       const bool has_loose_plate = random_.uniform() < kLooseShare;
       if (has_loose_plate) loosen_plate(random_, numbers);
@@ -60,7 +68,7 @@ class Measurements {
         complete_from_prior(prior_, seen, numbers);
       }
       for (std::size_t p = 0; p < kPlates; ++p) noise[p] = network_noise(seen[p], noise[p]);
-      touch_features(model, numbers, noise,
+      touch_features(model, numbers, noise, unknown_g,
                      std::span<float, TouchModel::kInputs>(inputs.col(column).data(), TouchModel::kInputs));
       targets.col(column) << touch.point_mm, touch.displacement_mm, touch.force_vector_n, touch.moment_nm,
           is_explained ? 1.0F : 0.0F, touch.on_face && !has_loose_plate ? 1.0F : 0.0F;
@@ -74,6 +82,7 @@ class Measurements {
   const std::array<PoseNoise, kPlates>& noise_;
   const PlatePrior& prior_;
   const std::array<double, kPlates>& plate_height_mm_;
+  const GravityCorrection gravity_;
   const CornerMeasurement* camera_;
   Random& random_;
 };
@@ -145,6 +154,7 @@ TouchModel TouchModelData::view() const {
                    .threshold_mm = threshold_mm,
                    .range_mm = range_mm,
                    .explained_above = explained_above,
+                   .explained_above_unknown_g = explained_above_unknown_g,
                    .per_g = per_g,
                    .per_g_change = per_g_change,
                    .stiffness_tolerance = stiffness_tolerance,
@@ -200,12 +210,14 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
                                  const std::function<void()>& tick, const CornerMeasurement* camera) {
   Random random(seed);
-  Measurements measurements(touches, noise, prior, plan.plate_height_mm, camera, random);
+  Measurements measurements(touches, noise, prior, plan, camera, random);
   TouchNetwork trained{Network({kWidths.begin(), kWidths.end()}, Activation::kAlgebraicSilu, random),
                        fit_normalisation(measurements),
                        {}};
   TouchModelData& model = trained.model;
   model.widths = kWidths;
+  model.per_g = plan.per_g;
+  model.per_g_change = plan.per_g_change;
   const TouchModel view = model.view();
   const Eigen::Map<const Eigen::ArrayXf> mean(model.output_mean.data(), kMeans),
       scale(model.output_scale.data(), kMeans);
@@ -231,10 +243,11 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
 }
 
 Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PoseVector& numbers,
-                                                       const std::array<float, kPlates>& noise) {
+                                                       const std::array<float, kPlates>& noise, float unknown_g) {
   const TouchModel model = trained.model.view();
   Eigen::Matrix<float, TouchModel::kInputs, 1> inputs;
-  touch_features(model, numbers, noise, std::span<float, TouchModel::kInputs>(inputs.data(), TouchModel::kInputs));
+  touch_features(model, numbers, noise, unknown_g,
+                 std::span<float, TouchModel::kInputs>(inputs.data(), TouchModel::kInputs));
   Eigen::Matrix<float, TouchModel::kOutputs, 1> outputs = trained.network.forward(inputs);
   for (int i = 0; i < TouchModel::kOutputs; ++i) {
     const auto k = static_cast<std::size_t>(i);

@@ -25,10 +25,10 @@ struct TouchNetwork {
 /// Loss: of the twelve means the squared error in the first fifth of the steps; then, for all of them but the
 /// displacement, the Gaussian negative log-likelihood with the predicted standard deviation, weighted by that deviation
 /// (beta-NLL with beta = 0.5, Seitzer et al. 2022), so that samples that say little about the touch neither dominate
-/// nor vanish. The displacement is weighted like the force. Only touches on the face count. Added to it is the cross
-/// entropy of whether a touch of the scene moved the plates: not those of other scenes, not swings of half a
-/// millimetre and more, not plates that came loose, which are added here.
-/// `tick` is called after every step; it may throw to stop. Throws std::runtime_error if the training diverges.
+/// nor vanish. Some touches are bent by gravity as well (add_gravity()). The displacement is weighted like the force.
+/// Only touches on the face count. Added to it is the cross entropy of whether a touch of the scene moved the plates:
+/// not those of other scenes, not swings of half a millimetre and more, not plates that came loose, which are added
+/// here. `tick` is called after every step; it may throw to stop. Throws std::runtime_error if the training diverges.
 TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
                                  const std::function<void()>& tick, const CornerMeasurement* camera = nullptr);
@@ -46,8 +46,9 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
 /// changing the outputs for `trained.sample_inputs` as little as possible.
 void quantise(TouchNetwork& trained);
 
-/// The float network's numbers in physical units, for one pose and the noise of its plates (network_noise()).
+/// The float network's numbers in physical units, for one pose, the noise of its plates (network_noise()) and what is
+/// unknown of gravity.
 Eigen::Matrix<float, TouchModel::kOutputs, 1> evaluate(TouchNetwork& trained, const PoseVector& numbers,
-                                                       const std::array<float, kPlates>& noise);
+                                                       const std::array<float, kPlates>& noise, float unknown_g);
 
 }  // namespace finsight::host

@@ -35,6 +35,28 @@ void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, Pose
   }
 }
 
+void turn(const GravityCorrection& gravity, double felt_g, Random& random, PoseVector& numbers) {
+  const Vec3f at_zero_g = random_direction(random).cast<float>();
+  const Vec3f now_g = (felt_g * random_direction(random)).cast<float>();
+  numbers += gravity.bend(numbers, now_g) - gravity.bend(PoseVector::Zero(), at_zero_g);
+}
+
+float add_gravity(const GravityCorrection& gravity, Random& random, PoseVector& numbers) {
+  constexpr double kUnknownShare = 0.2, kKnownShare = 0.1;  // the others have not turned
+  constexpr double kStrongest_g = 3, kLeftOver_g[] = {0.02, 0.5};
+  const double draw = random.uniform();
+  if (draw < kUnknownShare) {
+    turn(gravity, random.uniform() < 0.5 ? 1 : random.uniform(0, kStrongest_g), random, numbers);
+    return GravityCorrection::kUnknown_g;
+  }
+  if (draw >= kUnknownShare + kKnownShare) return 0;
+  const double left_g = std::exp(random.uniform(std::log(kLeftOver_g[0]), std::log(kLeftOver_g[1])));
+  Vec3f g;
+  for (float& component : g) component = static_cast<float>(left_g * random.normal());
+  numbers += gravity.bend(numbers, g);
+  return static_cast<float>(left_g);
+}
+
 // The deflection a (h / top)^2 turns a plate by its slope, 2 a h / top^2: towards +z about x, towards +x about -z.
 void deflect(const std::array<double, kPlates>& plate_height_mm, double x_mm, double z_mm, PoseVector& numbers) {
   const double top_mm = plate_height_mm[kTopPlate];

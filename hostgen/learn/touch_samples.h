@@ -4,6 +4,7 @@
 #include <array>
 #include <vector>
 
+#include "firmware/loop/gravity.h"
 #include "hostgen/learn/state_interpolant.h"
 #include "hostgen/util/random.h"
 
@@ -16,6 +17,13 @@ std::vector<TouchSample> draw_touches(const FingerSpec& spec, const StateInterpo
 /// Adds measurement noise: `size` times the spec's, per plate.
 void add_noise(const std::array<PoseNoise, kPlates>& noise, Random& random, PoseVector& numbers,
                const std::array<float, kPlates>& size = {1, 1, 1});
+
+/// Bends a finger that was zeroed in one pose, any, as it feels `felt_g` in any direction.
+void turn(const GravityCorrection& gravity, double felt_g, Random& random, PoseVector& numbers);
+
+/// Turns one finger in five, half of them with an arm that moves, and bends one in ten by what is left over where
+/// gravity is known. Returns what is then unknown of gravity (Observation::unknown_g).
+float add_gravity(const GravityCorrection& gravity, Random& random, PoseVector& numbers);
 
 /// Adds to one touch in twenty the swing of a shaken finger: a beam's deflection in a random direction, growing with
 /// the square of the height, up to some millimetres at the top plate. `plate_height_mm`: heights of the markers; if all

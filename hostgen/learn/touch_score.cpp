@@ -34,20 +34,23 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
   TouchModel model = trained.model.view();
   model.threshold_mm = 0;  // trials below the threshold and over range are wanted, too
   model.range_mm = std::numeric_limits<float>::infinity();
-  model.explained_above = -std::numeric_limits<float>::infinity();
+  model.explained_above = model.explained_above_unknown_g = -std::numeric_limits<float>::infinity();
   model.stiffness_tolerance = model.touch_tolerance_mm = model.noise_per_mm =
       0;                                                            // the states are of one finger, as the spec has it
   TouchStage stage(model, std::numeric_limits<float>::infinity());  // every number is wanted, told or not
+  const GravityCorrection gravity(model, std::nullopt);
+  const float unknown_g = how.gravity_is_known ? 0 : GravityCorrection::kUnknown_g;
   Random random(how.seed);
   std::vector<TouchTrial> trials;
   for (const FemState& state : states) {
     for (int repeat = 0; repeat < how.repeats; ++repeat) {
       PoseVector numbers = touch_sample(state).numbers;
+      if (!how.gravity_is_known) turn(gravity, 1, random, numbers);
       add_noise(noise, random, numbers, {how.noise, how.noise, how.noise});
       complete_from_prior(prior, how.seen, numbers);
       const PlatePoses poses = poses_of(numbers, how);
-      const Touch& touch = stage.locate(poses);
-      const Vec3f float_point_mm = evaluate(trained, numbers, network_noise(poses)).head<3>();
+      const Touch touch = stage.locate(poses, pose_vector(poses), {.unknown_g = unknown_g});
+      const Vec3f float_point_mm = evaluate(trained, numbers, network_noise(poses), unknown_g).head<3>();
       trials.push_back({state.path, state.point_mm, touch.point_mm - state.point_mm, touch.plate_motion_mm,
                         touch.radius_68_mm, state.force_vector_n[0], (touch.point_mm - float_point_mm).norm(),
                         (float_point_mm - state.point_mm).norm()});
@@ -55,7 +58,8 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
       trials.back().wrench_error << touch.force_vector_n - truth.force_vector_n, touch.moment_nm - truth.moment_nm;
       trials.back().explained = touch.explained;
       trials.back().scene = state.scene;
-      trials.back().radius_features = radius_features(touch, touch.explained, touch.radius_68_mm);
+      trials.back().gravity_is_known = how.gravity_is_known;
+      trials.back().radius_features = radius_features(touch, touch.explained, touch.radius_68_mm, unknown_g);
       trials.back().wrench_sigma << touch.force_vector_sigma_n, touch.moment_sigma_nm;
     }
   }
@@ -143,6 +147,14 @@ double false_alarm_limit(std::vector<double> log_odds) {
 
 }  // namespace
 
+float explained_limit(const std::vector<TouchTrial>& trials, double threshold_mm) {
+  std::vector<double> explained;
+  for (const TouchTrial& trial : trials) {
+    if (static_cast<double>(trial.plate_motion_mm) >= threshold_mm) explained.push_back(trial.explained);
+  }
+  return explained.empty() ? -1e6F : static_cast<float>(false_alarm_limit(std::move(explained)));
+}
+
 Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm) {
   Calibration calibration;
   for (int i = 0; i < 6; ++i) {
@@ -153,11 +165,7 @@ Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm
     }
     calibration.wrench[static_cast<std::size_t>(i)] = quantile(std::move(ratios), 0.6827, 1.0);
   }
-  std::vector<double> explained;
-  for (const TouchTrial& trial : trials) {
-    if (static_cast<double>(trial.plate_motion_mm) >= threshold_mm) explained.push_back(trial.explained);
-  }
-  if (!explained.empty()) calibration.explained_above = static_cast<float>(false_alarm_limit(std::move(explained)));
+  calibration.explained_above = explained_limit(trials, threshold_mm);
   if (auto curve = radius_curve(trials, threshold_mm); !curve.empty()) calibration.radius_curve = std::move(curve);
   return calibration;
 }

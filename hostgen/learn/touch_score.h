@@ -18,6 +18,7 @@ struct TouchTrial {
   float float_error_mm = 0;   ///< error of the float network's point
   float explained = 0;        ///< Touch::explained
   std::uint8_t scene = 0;     ///< FemState::scene
+  bool gravity_is_known = true;
   RadiusFeatures radius_features = {};
   /// Force (normal, across, along; N) and moment (x, y, z; N m).
   Eigen::Array<float, 6, 1> wrench_error = Eigen::Array<float, 6, 1>::Zero(), wrench_sigma = wrench_error;
@@ -29,6 +30,7 @@ struct Measuring {
   std::array<bool, kPlates> seen = {true, true, true};
   int repeats = 1;
   std::uint64_t seed = 0;
+  bool gravity_is_known = true;  ///< else the finger is turned after its zero, anyhow, and the device is not told
 };
 
 /// Measures every state and locates its touch with the quantised network, even below the threshold.
@@ -42,10 +44,14 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
 struct Calibration {
   std::vector<float> radius_curve = {0, 0, 1};  ///< TouchModel::radius_curve
   std::array<double, 6> wrench = {1, 1, 1, 1, 1, 1};
-  float explained_above = -1e6F;  ///< one trial in a thousand is below
+  float explained_above = -1e6F;  ///< explained_limit()
 };
 Calibration calibrate(const std::vector<TouchTrial>& trials, double threshold_mm);
 void apply(const Calibration& calibration, TouchModelData& model);
+
+/// The log-odds of being explained that one trial in a thousand is below, of those at or above the threshold; without
+/// trials so low that none is.
+float explained_limit(const std::vector<TouchTrial>& trials, double threshold_mm);
 
 /// Errors and coverage of the trials at or above the threshold.
 TouchScore score(const std::vector<TouchTrial>& trials, double threshold_mm);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 #include <optional>
 
 #include "hostgen/finger/plate_geometry.h"
@@ -16,7 +17,7 @@ namespace {
 
 constexpr std::size_t kMeasuredPerTouch = 25;  // of the touches that are drawn between the states, about
 constexpr std::int32_t kFold = 5;              // one point in this many is held out
-constexpr int kNoisyRepeats = 20;
+constexpr int kNoisyRepeats = 20, kTurnedRepeats = 5;
 
 struct StateSplit {
   std::vector<FemState> train, test;              ///< of the scene
@@ -84,6 +85,10 @@ struct Run {
                                        const std::array<bool, kPlates>& seen = {true, true, true}) {
     return run_trials(*trained, split.test, spec.noise, prior,
                       {.noise = 1, .seen = seen, .repeats = kNoisyRepeats, .seed = seed});
+  }
+  std::vector<TouchTrial> turned_trials(const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
+    return run_trials(*trained, split.test, spec.noise, prior,
+                      {.noise = 1, .repeats = kTurnedRepeats, .seed = seed, .gravity_is_known = false});
   }
   std::vector<TouchTrial> other_trials(const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
     return run_trials(*trained, split.other_test, spec.noise, prior,
@@ -233,7 +238,10 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   Run& calibrated = is_alone ? random_run : paths_run;
   const Calibration& calibration = is_alone ? by_states : by_paths;
   apply(calibration, final_run.trained->model);
-  const std::vector<TouchTrial> kept = final_run.noisy_trials(spec, prior, seed);
+  final_run.trained->model.explained_above_unknown_g =
+      explained_limit(calibrated.turned_trials(spec, prior, seed), spec.threshold_mm);
+  std::vector<TouchTrial> kept = final_run.noisy_trials(spec, prior, seed);
+  std::ranges::copy(final_run.turned_trials(spec, prior, seed), std::back_inserter(kept));
   fit_radius_network(kept, spec.threshold_mm, final_run.trained->model);
   const std::vector<TouchTrial> noisy = cross_calibrated(raw, spec.threshold_mm);
   result.held_out_clean = score(paths_run.clean_trials(prior), spec.threshold_mm);

@@ -39,7 +39,7 @@ struct TouchModelData {
   std::array<std::vector<float>, 3> weight_scale, bias;
   std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
   float threshold_mm = 0, range_mm = 0;
-  float explained_above = -1e6F;  ///< everything
+  float explained_above = -1e6F, explained_above_unknown_g = -1e6F;  ///< everything
   float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0,
         noise_per_mm = 0;
   TouchModel view() const;
@@ -99,6 +99,9 @@ struct TouchTrainingPlan {
   int steps = 6000;  ///< Adam steps
   int batch = 128;
   std::array<double, kPlates> plate_height_mm = {};  ///< for add_swing(); train_touch() takes the spec's
+  /// What gravity does: TouchModel::per_g and per_g_change.
+  std::vector<float> per_g = std::vector<float>(3 * kPoseDims, 0.0F);
+  std::vector<float> per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.0F);
 };
 
 /// Draws touches for training from some of the dataset's states, and from some of those of other scenes.
@@ -112,7 +115,7 @@ using TouchSource = std::function<std::vector<TouchSample>(
 /// model gets the same factors; the coverage in `random_noisy` and `held_out_noisy` comes from calibrating on one half
 /// of the tested paths and counting on the other. The final model's radius network is fitted to what the set keeps from
 /// learning, if it does (fit_radius_network()). The same arguments give the same bytes. What is called unexplained
-/// is set on the same states: one frame in a thousand of theirs.
+/// is set on the same states: one frame in a thousand of theirs, once with and once without knowledge of gravity.
 /// Throws std::runtime_error if the valid states are too few to train on, Interrupted on Ctrl-C.
 TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, const PlatePriorData& prior,
                           const TouchTrainingPlan& plan, const TouchSource& source = {});

@@ -105,6 +105,7 @@ TensorFile pack_tensors(const PackViews& views) {
   tensors.metadata[meta::kThreshold] = decimal(views.touch.threshold_mm);
   tensors.metadata[meta::kRange] = decimal(views.touch.range_mm);
   tensors.metadata[meta::kExplainedAbove] = decimal(views.touch.explained_above);
+  tensors.metadata[meta::kExplainedAboveUnknown_g] = decimal(views.touch.explained_above_unknown_g);
   tensors.metadata[meta::kStiffnessTolerance] = decimal(views.touch.stiffness_tolerance);
   tensors.metadata[meta::kMarkerTolerance_mm] = decimal(views.touch.marker_tolerance_mm);
   tensors.metadata[meta::kMarkerTolerance_rad] = decimal(views.touch.marker_tolerance_rad);

@@ -129,7 +129,7 @@ class PackNetwork {
     for (Eigen::Index i = 0; i < inputs_.cols(); ++i) {
       PlatePoses poses = rows.poses[static_cast<std::size_t>(i)];
       complete_from_prior(pack.prior, poses);
-      touch_features(model_, pose_vector(poses), network_noise(poses),
+      touch_features(model_, pose_vector(poses), network_noise(poses), 0,
                      std::span<float, TouchModel::kInputs>(inputs_.col(i).data(), TouchModel::kInputs));
     }
   }

@@ -229,7 +229,8 @@ SECTIONS = {
                    ("scene.floor", ["unknown", "states", "x_mm", "y_mm", "normal_n", "across_n", "along_n", "radius_mm", "x_mm_2",
                                     "y_mm_2", "normal_n_2", "across_n_2", "along_n_2", "radius_mm_2"],
                     "What plate motions can tell at best: median standard deviation by the Fisher information at the spec's "
-                    "noise, for contacts that move a plate by 4 mm or more.", ""),
+                    "noise, for contacts that move a plate by 4 mm or more. Where gravity is not known it spreads by 1 g along "
+                    "each axis.", ""),
                    ("scene.imitated", ["case", "states", "alike", "alike_off_mm", "found_at_best", "lies_at_best"],
                     "What the best test could find that refuses one in a thousand touches of the scene: the single contact of "
                     "the scene that moves the plates most like each state of two was searched for. Those that are taken for touches "

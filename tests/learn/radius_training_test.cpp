@@ -59,7 +59,7 @@ TEST_CASE("radius training: kinds that are hardly told apart still have their 68
   add(3, 0.9, 1, others);
   for (const std::uint8_t kind : {0, 3}) {
     CAPTURE(kind);
-    CHECK(shares(others, model, kind)[0] == doctest::Approx(0.69).epsilon(0.04));
+    CHECK(shares(others, model, kind)[0] == doctest::Approx(0.68).epsilon(0.04));
     CHECK(shares(others, model, kind)[1] == doctest::Approx(0.95).epsilon(0.04));
   }
   TouchModelData again;
@@ -80,14 +80,30 @@ TEST_CASE("radius training: where another scene is likelier, the radius grows un
   const double were = 1 - shares(trials, alone, kKindsOfTouch)[2], are = 1 - shares(trials, model, kKindsOfTouch)[2];
   CHECK(were > 0.4);
   CHECK(are < 0.3 * were);
-  CHECK(shares(trials, model, 0)[0] == doctest::Approx(0.69).epsilon(0.04));
+  CHECK(shares(trials, model, 0)[0] == doctest::Approx(0.68).epsilon(0.04));
+}
+
+TEST_CASE("radius training: touches of turned fingers have their 68 % by themselves") {
+  constexpr std::size_t kGravity = TouchModel::kRadiusFeatures - 1;
+  constexpr std::uint8_t kTurned = 5;
+  std::vector<TouchTrial> trials;
+  for (const std::uint8_t kind : {0, 1, 2}) add(kind, 0.5, 0, trials);
+  add(kTurned, 1.5, 0, trials);
+  for (TouchTrial& trial : trials) {
+    trial.gravity_is_known = trial.scene != kFirstKept + kTurned;
+    trial.radius_features[kGravity] = trial.gravity_is_known ? -4.6F : 0.0F;
+  }
+  TouchModelData model;
+  fit_radius_network(trials, 2, model);
+  CHECK(shares(trials, model, 1)[0] == doctest::Approx(0.68).epsilon(0.04));
+  CHECK(shares(trials, model, kTurned)[0] == doctest::Approx(0.68).epsilon(0.04));
 }
 
 TEST_CASE("radius training: what is not published does not count, and without touches of the scene nothing changes") {
   std::vector<TouchTrial> trials;
   add(0, 0.5, 0, trials);
   TouchModelData model;
-  model.explained_above = -1;
+  model.explained_above = model.explained_above_unknown_g = -1;
   fit_radius_network(trials, 2, model);
   std::vector<TouchTrial> more = trials;
   for (TouchTrial trial : trials) {
@@ -98,6 +114,9 @@ TEST_CASE("radius training: what is not published does not count, and without to
     trial.explained = -2;
     more.push_back(trial);
     trial.explained = 0;
+    trial.gravity_is_known = false;
+    more.push_back(trial);
+    trial.gravity_is_known = true;
     trial.radius_68_mm = 0;  // located nowhere
     more.push_back(trial);
     trial.radius_68_mm = 1;
@@ -106,6 +125,7 @@ TEST_CASE("radius training: what is not published does not count, and without to
   }
   TouchModelData same;
   same.explained_above = -1;
+  same.explained_above_unknown_g = 1;
   fit_radius_network(more, 2, same);
   CHECK(same.radius_output == model.radius_output);
 

@@ -140,6 +140,45 @@ TEST_CASE("touch training: touches that are kept from learning fit the radius ne
   CHECK(with.explained_above == without.explained_above);
 }
 
+TEST_CASE(
+    "touch training: touches of turned fingers are found, with a radius that holds, where gravity is told to be "
+    "unknown") {
+  TouchTrainingPlan plan{.steps = 1500, .batch = 64};
+  for (int p = 0; p < kPlates; ++p) {
+    const auto height = static_cast<float>(test::kPlateHeights_mm[p] / test::kPlateHeights_mm[0]);
+    plan.per_g[std::size_t(3 * (6 * p))] = 2 * height * height;          // x for 1 g along x
+    plan.per_g[std::size_t(3 * (6 * p + 2) + 2)] = 2 * height * height;  // z for 1 g along z
+    plan.per_g[std::size_t(3 * (6 * p + 3) + 2)] = 0.045F * height;
+  }
+  const TouchModelData model = train_touch(test::synthetic_spec(), test::synthetic_dataset(), prior(), plan).model;
+  CHECK(model.per_g == plan.per_g);
+  const GravityCorrection gravity(model.view(), std::nullopt);
+  TouchStage stage(model.view());
+  Random random(5);
+  struct {
+    double located = 0, inside = 0;
+  } told, untold;
+  for (int i = 0; i < kMeasurements;) {
+    const Measured measured = measure(random, {true, true, true});
+    PoseVector numbers = pose_vector(measured.poses);
+    turn(gravity, 1, random, numbers);
+    const PlatePoses poses = seen_poses({numbers.data(), kPoseDims});
+    if (plate_motion_mm(poses.plates) < model.threshold_mm) continue;
+    ++i;
+    for (auto* of : {&told, &untold}) {
+      const Touch touch = stage.locate(poses, numbers, {.unknown_g = of == &told ? GravityCorrection::kUnknown_g : 0});
+      if (touch.quality != Quality::kFresh) continue;
+      const double off_mm = double((touch.point_mm - measured.truth.point_mm).norm());
+      ++of->located;
+      of->inside += off_mm <= double(touch.radius_68_mm);
+    }
+  }
+  CHECK(told.located > 0.95 * kMeasurements);
+  CHECK(told.inside / told.located == doctest::Approx(0.68).epsilon(0.1));
+  CHECK(untold.located < 0.5 * kMeasurements);
+  CHECK(untold.inside / untold.located < told.inside / told.located - 0.2);
+}
+
 TEST_CASE("touch training: plates that are not seen widen the radius") {
   const Statistics all = measure_many({true, true, true}), two = measure_many({true, true, false}),
                    one = measure_many({true, false, false});

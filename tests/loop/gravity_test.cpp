@@ -70,10 +70,10 @@ TEST_CASE("gravity: what is not known is left in and said") {
   PlatePoses poses;
   CHECK(gravity.apply(false, poses) == GravityCorrection::kUnknown_g);
   gravity.set_felt(kLevel);  // but the zero was measured before that
-  CHECK(gravity.apply(true, poses) == GravityCorrection::kUnknownSinceZero_g);
+  CHECK(gravity.apply(true, poses) == GravityCorrection::kUnknown_g);
   gravity.set_at_zero(kUp);
   gravity.set_felt(std::nullopt);
-  CHECK(gravity.apply(true, poses) == GravityCorrection::kUnknownSinceZero_g);
+  CHECK(gravity.apply(true, poses) == GravityCorrection::kUnknown_g);
   CHECK(poses.plates[0].displacement_mm == Vec3f::Zero());
 }
 

@@ -58,7 +58,7 @@ struct TinyModel {
     parts.rated_deformation_mm = 10;
     parts.touch.threshold_mm = 2;
     parts.touch.range_mm = 40;
-    parts.touch.explained_above = -20;
+    parts.touch.explained_above = parts.touch.explained_above_unknown_g = -20;
     parts.touch.stiffness_tolerance = 0.2F;
     parts.touch.marker_tolerance_mm = 0.3F;
     parts.touch.marker_tolerance_rad = 0.02F;

@@ -29,11 +29,11 @@ PoseVector some_numbers() {
 
 }  // namespace
 
-TEST_CASE("features: the direction has length one, size and noise are logarithms") {
+TEST_CASE("features: the direction has length one, size, noise and unknown gravity are logarithms") {
   const PlainModel plain;
   std::array<float, TouchModel::kInputs> inputs, twice;
-  touch_features(plain.model, some_numbers(), {1, 100, 0.1f}, inputs);
-  touch_features(plain.model, 2 * some_numbers(), {1, 1, 1}, twice);
+  touch_features(plain.model, some_numbers(), {1, 100, 0.1f}, 0.3F, inputs);
+  touch_features(plain.model, 2 * some_numbers(), {1, 1, 1}, 0, twice);
   float length_sq = 0;
   for (std::size_t i = 0; i < kPoseDims; ++i) {
     length_sq += inputs[i] * inputs[i];
@@ -45,12 +45,16 @@ TEST_CASE("features: the direction has length one, size and noise are logarithms
   CHECK(inputs[19] == 0);
   CHECK(double(inputs[20]) == doctest::Approx(std::log(100)));
   CHECK(double(inputs[21]) == doctest::Approx(std::log(0.1)));
+  CHECK(double(inputs[22]) == doctest::Approx(std::log(0.3)));
+  CHECK(double(twice[22]) == doctest::Approx(std::log(double(kMinUnknown_g))));
+  touch_features(plain.model, some_numbers(), {1, 1, 1}, 20, twice);
+  CHECK(double(twice[22]) == doctest::Approx(std::log(double(kMaxUnknown_g))));
 }
 
 TEST_CASE("features: at rest they are finite") {
   const PlainModel plain;
   std::array<float, TouchModel::kInputs> inputs;
-  touch_features(plain.model, PoseVector::Zero(), {1, 1, 1}, inputs);
+  touch_features(plain.model, PoseVector::Zero(), {1, 1, 1}, 0, inputs);
   for (std::size_t i = 0; i < kPoseDims; ++i) CHECK(inputs[i] == 0);
   CHECK(double(inputs[kPoseDims]) == doctest::Approx(std::log(1e-3)));
 }
@@ -66,7 +70,7 @@ TEST_CASE("features: scale is applied before the direction, mean and input scale
   numbers[0] = 3;
   numbers[3] = 0.2f;  // scaled 4: the direction is 0.6, 0.8
   std::array<float, TouchModel::kInputs> inputs;
-  touch_features(plain.model, numbers, {1, 1, 1}, inputs);
+  touch_features(plain.model, numbers, {1, 1, 1}, 0, inputs);
   CHECK(double(inputs[0]) == doctest::Approx(3 * (0.6 - 0.5)).epsilon(2e-3));
   CHECK(double(inputs[3]) == doctest::Approx(3 * (0.8 - 0.5)).epsilon(2e-3));
   CHECK(double(inputs[19]) == doctest::Approx(-1.5));

@@ -36,8 +36,9 @@ TouchModelData some_model() {
 
 }  // namespace
 
-TEST_CASE("radius network: its features tell place, motion, odds, friction, radius and deviations at any force") {
-  const RadiusFeatures features = radius_features(some_touch(), 1.5F, 2);
+TEST_CASE(
+    "radius network: its features tell place, motion, odds, friction, radius, deviations and gravity at any force") {
+  const RadiusFeatures features = radius_features(some_touch(), 1.5F, 2, 0.1F);
   CHECK(features[0] == 3);
   CHECK(features[1] == 70);
   CHECK(features[2] == doctest::Approx(std::log(5.0)));
@@ -47,21 +48,22 @@ TEST_CASE("radius network: its features tell place, motion, odds, friction, radi
   CHECK(features[6] == doctest::Approx(std::log(2.0)));
   CHECK(features[7] == doctest::Approx(std::log(0.1)));
   CHECK(features[9] == doctest::Approx(std::log(0.6)));
+  CHECK(features[10] == doctest::Approx(std::log(0.1)));
   Touch harder = some_touch();
   harder.force_vector_n *= 2;
-  CHECK(radius_features(harder, 1.5F, 2) == features);
+  CHECK(radius_features(harder, 1.5F, 2, 0.1F) == features);
 }
 
 TEST_CASE("radius network: what no touch has leaves its features finite") {
   Touch weak = some_touch();
   weak.force_vector_n[0] = 0;
   for (const float odds : {-1e30F, 1e30F}) {
-    for (const float feature : radius_features(weak, odds, 2)) CHECK(std::abs(feature) < 100);
+    for (const float feature : radius_features(weak, odds, 2, 0)) CHECK(std::abs(feature) < 100);
   }
 }
 
 TEST_CASE("radius network: answers as written out by hand, and 1 as long as it was not fitted") {
-  const RadiusFeatures features = radius_features(some_touch(), 1.5F, 2);
+  const RadiusFeatures features = radius_features(some_touch(), 1.5F, 2, 0.1F);
   CHECK(radius_factor(TouchModelData{}.view(), features) == 1);
   const TouchModelData model = some_model();
   double log_factor = double(model.radius_output[kHidden]);
@@ -80,7 +82,7 @@ TEST_CASE("radius network: answers as written out by hand, and 1 as long as it w
 
 TEST_CASE("radius network: far from all that it was fitted to it answers as at the edge, and no factor is absurd") {
   TouchModelData model = some_model();
-  RadiusFeatures far = radius_features(some_touch(), 1.5F, 2), farther = far;
+  RadiusFeatures far = radius_features(some_touch(), 1.5F, 2, 0.1F), farther = far;
   far[0] = 1e4F;
   farther[0] = 1e6F;
   CHECK(radius_factor(model.view(), far) == radius_factor(model.view(), farther));

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "firmware/model/plate_prior.h"
+#include "firmware/touch/features.h"
 #include "hostgen/learn/touch_network.h"
 #include "tests/count_allocations.h"
 #include "tests/learn/synthetic_finger.h"
@@ -26,6 +27,10 @@ TouchNetwork& trained() {
     TouchTrainingPlan plan;
     plan.steps = 150;
     plan.batch = 64;
+    for (int p = 0; p < kPlates; ++p) {
+      for (int axis = 0; axis < 3; ++axis)
+        plan.per_g[std::size_t(3 * (6 * p + axis) + axis)] = 0.4F * float(kPlates - p);
+    }
     TouchNetwork result = train_touch_network(touches, test::synthetic_spec().noise, prior.view(), plan, 1, [] {});
     result.model.threshold_mm = 2;
     result.model.range_mm = 30;
@@ -65,7 +70,7 @@ TEST_CASE("touch stage: gives the float network's numbers within the quantisatio
       const FemState state = test::synthetic_state(x, y, 5);
       const Touch& touch = stage.locate(poses_of(state));
       REQUIRE(touch.quality == Quality::kFresh);
-      const auto expected = evaluate(trained(), touch_sample(state).numbers, {1, 1, 1});
+      const auto expected = evaluate(trained(), touch_sample(state).numbers, {1, 1, 1}, 0);
       worst_mm = std::max(worst_mm, double((touch.point_mm - expected.head<3>()).norm()));
       worst_n = std::max(worst_n, std::abs(double(touch.force_n - std::max(expected[6], 0.0f))));
       CHECK((touch.contact_mm - expected.head<3>() - expected.segment<3>(3)).norm() < 0.5f);
@@ -262,31 +267,43 @@ TEST_CASE("touch stage: the radius network widens the radius, of a fitted finger
 
 TEST_CASE("touch stage: what else may have moved the plates widens radius and deviations, and may be the explanation") {
   TouchModelData model = trained().model;
-  for (std::size_t i = 0; i < model.per_g.size(); ++i) model.per_g[i] = i % 18 < 9 ? 0.3F : 0.01F;
   model.marker_tolerance_mm = 0.3F;
   model.marker_tolerance_rad = 0.02F;
   TouchStage stage(model.view());
   const PlatePoses poses = poses_of(kPushed);
-  const auto locate = [&](const Doubt& doubt) { return stage.locate(poses, pose_vector(poses), doubt); };
-  const Touch calm = locate({}), hanging = locate({.unknown_g = 0.8F}), unzeroed = locate({.is_from_rest = false});
+  const auto locate = [&](const PoseVector& motion, const Doubt& doubt) { return stage.locate(poses, motion, doubt); };
+  const Touch calm = locate(pose_vector(poses), {}), unzeroed = locate(pose_vector(poses), {.is_from_rest = false});
   REQUIRE(calm.quality == Quality::kFresh);
-  for (const Touch& wide : {hanging, unzeroed}) {
-    CHECK(wide.point_mm == calm.point_mm);
-    CHECK(wide.force_vector_n == calm.force_vector_n);
-    CHECK(wide.radius_68_mm > 1.05F * calm.radius_68_mm);
-    CHECK(wide.force_sigma_n > calm.force_sigma_n);
-    CHECK(wide.moment_sigma_nm[0] > calm.moment_sigma_nm[0]);
-    CHECK(wide.explained >= calm.explained);
-  }
-  // By hand, for one of the directions: the finger's own weight along x.
-  PoseVector moved = pose_vector(poses);
+  CHECK(unzeroed.point_mm == calm.point_mm);
+  CHECK(unzeroed.force_vector_n == calm.force_vector_n);
+  CHECK(unzeroed.radius_68_mm > 1.05F * calm.radius_68_mm);
+  CHECK(unzeroed.force_sigma_n > calm.force_sigma_n);
+  CHECK(unzeroed.moment_sigma_nm[0] > calm.moment_sigma_nm[0]);
+  CHECK(unzeroed.explained >= calm.explained);
   float square = calm.radius_68_mm * calm.radius_68_mm;
-  for (int axis = 0; axis < 3; ++axis) {
-    moved = pose_vector(poses);
-    for (int i = 0; i < kPoseDims; ++i) moved[i] += 0.8F * model.per_g[std::size_t(3 * i + axis)];
-    square += (stage.locate(poses, moved, {}).point_mm - calm.point_mm).squaredNorm();
+  for (int i = 0; i < kPoseDims; ++i) {
+    PoseVector moved = pose_vector(poses);
+    moved[i] += i % 6 < 3 ? 0.3F : 0.02F;
+    square += (locate(moved, {}).point_mm - calm.point_mm).squaredNorm();
   }
-  CHECK(hanging.radius_68_mm == doctest::Approx(std::sqrt(square)));
+  CHECK(unzeroed.radius_68_mm == doctest::Approx(std::sqrt(square)));
+}
+
+TEST_CASE("touch stage: where gravity is not known, the network knows that, and has a limit of its own") {
+  TouchModelData model = trained().model;
+  const PlatePoses poses = poses_of(kPushed);
+  const auto locate = [&](float unknown_g) {
+    return TouchStage(model.view()).locate(poses, pose_vector(poses), {.unknown_g = unknown_g});
+  };
+  const Touch calm = locate(0), hanging = locate(kMaxUnknown_g);
+  REQUIRE(hanging.quality == Quality::kFresh);
+  const auto expected = evaluate(trained(), touch_sample(kPushed).numbers, {1, 1, 1}, kMaxUnknown_g);
+  CHECK((hanging.point_mm - expected.head<3>()).norm() < 0.5F);
+  CHECK(hanging.radius_68_mm > 1.02F * calm.radius_68_mm);
+  CHECK(hanging.force_sigma_n > 1.02F * calm.force_sigma_n);
+  model.explained_above_unknown_g = std::max(calm.explained, hanging.explained) + 0.01F;
+  CHECK(locate(kMaxUnknown_g).unexplained);
+  CHECK_FALSE(locate(0.1F).unexplained);
 }
 
 TEST_CASE("touch stage: the force is only as sure as the finger's stiffness") {
