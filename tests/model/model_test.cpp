@@ -169,7 +169,7 @@ TEST_CASE("model: refuses tensors of another shape, with what was found and expe
       {zeros<float>(tensor::kContactMap.weights, {65, 190}), "found length 65, expected 1 to 64"},
       {zeros<float>(tensor::kContactMap.basis, {2, 123}), "found F32 [2, 123], expected F32 [2, 126]"},
       {zeros<float>(tensor::kSelfTestContactShape, {1, 126}), "found F32 [1, 126], expected F32 [2, 126]"},
-      {zeros<std::int8_t>(tensor::kTouchWeights[0], {8, 21}), "found I8 [8, 21], expected I8 [8, 22]"},
+      {zeros<std::int8_t>(tensor::kTouchWeights[0], {8, 21}), "found I8 [8, 21], expected I8 [8, 23]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[1], {8, 9}), "found I8 [8, 9], expected I8 [8, 8]"},
       {zeros<float>(tensor::kTouchBias[2], {12}), "found F32 [12], expected F32 [22]"},
       {zeros<float>(tensor::kTouchBias[0], {5000}), "found length 5000, expected 1 to 4096"},
@@ -205,7 +205,7 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
   };
   const Hostile all[] = {
       {meta::kFormat, std::nullopt, "is not a Finsight model pack"},
-      {meta::kFormat, "1", "format version: found 1, expected 6"},
+      {meta::kFormat, "1", "format version: found 1, expected 7"},
       {meta::kFinger, std::nullopt, "metadata 'finger': found nothing"},
       {meta::kScene, std::nullopt, "metadata 'scene': found nothing"},
       {meta::kFinger, "", "metadata 'finger': found \"0 bytes\", expected 1 to 64 printable"},
@@ -228,6 +228,7 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
       {meta::kThreshold, "2mm", "metadata 'touch_threshold_mm'"},
       {meta::kRange, std::nullopt, "metadata 'touch_range_mm'"},
       {meta::kRange, "1.5", "metadata 'touch_range_mm'"},
+      {meta::kExplainedAboveUnknown_g, std::nullopt, "metadata 'touch_explained_above_unknown_g'"},
       {meta::kRatedDeformation, "", "metadata 'rated_deformation_mm'"},
       {meta::kRatedDeformation, "1e30", "metadata 'rated_deformation_mm'"},
   };
