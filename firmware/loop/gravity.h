@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "firmware/model/model.h"
+#include "firmware/touch/features.h"
 
 namespace finsight {
 
@@ -16,7 +17,7 @@ class GravityCorrection {
   /// pack does not tell it, which grows with the square. `scripts/report scene` shows whether radii then hold.
   static constexpr float kKnown_g = 0.03F, kUntold_per_g = 0.015F;
   /// Where it is not known: two random directions differ by 0.82 g along each axis, opposite ones by 1.15 g.
-  static constexpr float kUnknown_g = 1;
+  static constexpr float kUnknown_g = kMaxUnknown_g;
 
   /// `fixed_g`: the acceleration of things that fall, in the finger frame, where the finger never turns.
   GravityCorrection(const TouchModel& model, const std::optional<Vec3f>& fixed_g);
@@ -34,7 +35,7 @@ class GravityCorrection {
   /// gravity. Returns Observation::unknown_g.
   float apply(bool is_zeroed, PlatePoses& poses) const;
 
-  /// How far `g` moves plates that stand at `from`, relative to the model's rest.
+  /// How far `g` moves plates that stand at `from` (motion from the model's rest) without it.
   PoseVector bend(const PoseVector& from, const Vec3f& g) const;
 
  private:

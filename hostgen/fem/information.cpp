@@ -63,12 +63,15 @@ std::optional<Eigen::VectorXd> deviations(FingerStatics& statics, const FingerSp
   const auto here = motion(statics, contacts);
   if (!here) return std::nullopt;
   if (plate_motion_mm(*here) < kFirm_mm) return std::nullopt;
-  const std::optional<MotionPerG> per_g = statics.motion_per_g();
-  if (!per_g) return std::nullopt;
   const auto count = static_cast<Eigen::Index>(unknowns.size()), all = count + (gravity_is_known ? 0 : 3);
   const PoseVectorOf<double> noise = pose_noise(spec.noise);
   Eigen::MatrixXd slope(kPoseDims, all);
   Eigen::VectorXd prior = Eigen::VectorXd::Constant(all, 1 / (kUnknown_g * kUnknown_g));
+  if (!gravity_is_known) {
+    const std::optional<MotionPerG> per_g = statics.motion_per_g();
+    if (!per_g) return std::nullopt;
+    slope.rightCols<3>() = noise.cwiseInverse().asDiagonal() * *per_g;
+  }
   for (Eigen::Index k = 0; k < count; ++k) {
     const Unknown& unknown = unknowns[static_cast<std::size_t>(k)];
     std::vector<Numbers> changed = contacts;
@@ -78,7 +81,6 @@ std::optional<Eigen::VectorXd> deviations(FingerStatics& statics, const FingerSp
     slope.col(k) = ((*there - *here) / unknown.step).cwiseQuotient(noise);
     prior[k] = 1 / (unknown.spread * unknown.spread);
   }
-  if (!gravity_is_known) slope.rightCols<3>() = noise.cwiseInverse().asDiagonal() * *per_g;
   Eigen::MatrixXd information = slope.transpose() * slope;
   information.diagonal() += prior;
   const Eigen::MatrixXd covariance = information.llt().solve(Eigen::MatrixXd::Identity(all, all));

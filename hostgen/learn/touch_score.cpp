@@ -49,7 +49,7 @@ std::vector<TouchTrial> run_trials(TouchNetwork& trained, const std::vector<FemS
       add_noise(noise, random, numbers, {how.noise, how.noise, how.noise});
       complete_from_prior(prior, how.seen, numbers);
       const PlatePoses poses = poses_of(numbers, how);
-      const Touch touch = stage.locate(poses, pose_vector(poses), {.unknown_g = unknown_g});
+      const Touch touch = stage.locate(poses, numbers, {.unknown_g = unknown_g});
       const Vec3f float_point_mm = evaluate(trained, numbers, network_noise(poses), unknown_g).head<3>();
       trials.push_back({state.path, state.point_mm, touch.point_mm - state.point_mm, touch.plate_motion_mm,
                         touch.radius_68_mm, state.force_vector_n[0], (touch.point_mm - float_point_mm).norm(),

@@ -301,6 +301,7 @@ TEST_CASE("touch stage: where gravity is not known, the network knows that, and 
   CHECK((hanging.point_mm - expected.head<3>()).norm() < 0.5F);
   CHECK(hanging.radius_68_mm > 1.02F * calm.radius_68_mm);
   CHECK(hanging.force_sigma_n > 1.02F * calm.force_sigma_n);
+  CHECK(hanging.moment_sigma_nm[0] > calm.moment_sigma_nm[0]);
   model.explained_above_unknown_g = std::max(calm.explained, hanging.explained) + 0.01F;
   CHECK(locate(kMaxUnknown_g).unexplained);
   CHECK_FALSE(locate(0.1F).unexplained);
