@@ -25,6 +25,28 @@ inline double chi_squared_quantile(double numbers, double z) {
   return numbers * std::pow(1 - ninth + z * std::sqrt(ninth), 3);
 }
 
+/// What was counted of one group.
+struct GroupCount {
+  double inside = 0, all = 0;
+};
+/// Standard error of the share of all groups together that is inside, where the members of a group err alike: several
+/// measurements at one place tell hardly more of other places than one of them (ratio estimator; Cochran, Sampling
+/// Techniques, 1977, section 6.3). 0 for fewer than two groups.
+inline double share_error(const std::vector<GroupCount>& groups) {
+  double inside = 0, all = 0, square = 0;
+  for (const GroupCount& group : groups) {
+    inside += group.inside;
+    all += group.all;
+  }
+  const auto count = static_cast<double>(groups.size());
+  if (count < 2 || all <= 0) return 0;
+  for (const GroupCount& group : groups) {
+    const double more = group.inside - inside / all * group.all;
+    square += more * more;
+  }
+  return std::sqrt(square * count / (count - 1)) / all;
+}
+
 /// Per axis: root mean square error, and R2 = 1 - squared error / variance of the truth (0 where the truth is
 /// constant).
 struct AxisErrors {

@@ -25,7 +25,7 @@ HEADINGS = {
     "contact_map_share": ("answered by the contact map, %", PERCENT),
     "case": "case", "contained": "in the pack's scene", "trials": "touches", "published": ("published, %", PERCENT), "published_radius_mm": "published radius, mm",
     "unexplained": ("unexplained, %", PERCENT), "touch_mm": "touch, mean error, mm", "touch_95_mm": "95 %, mm",
-    "inside_radius": ("inside one radius, %", PERCENT), "inside_twice": ("inside two, %", PERCENT),
+    "inside_radius": ("inside one radius, %", PERCENT), "inside_radius_error": ("standard error by places, points", PERCENT), "inside_twice": ("inside two, %", PERCENT),
     "lies": ("published and off by over three radii, % of all", PERCENT), "force_rmse_n": "force RMSE, N (normal / across / along)",
     "force_told": ("force told, %", PERCENT), "force_inside": ("force inside its deviation, %", PERCENT),
     "moment_rmse_nm": "moment RMSE, N m (x / y / z)", "moment_inside": ("moment inside its deviation, %", PERCENT),
@@ -224,7 +224,7 @@ SECTIONS = {
                      ("scene_reliability.svg", "Share of errors inside the published radius, by case of the pack's scene; named are the "
                                                "six that are furthest from 68 %.")],
         "tables": [("scene.cases", ["case", "contained", "trials", "published", "unexplained", "touch_mm", "touch_95_mm",
-                                    "inside_radius", "inside_twice", "lies", "force_rmse_n", "force_told", "force_inside",
+                                    "inside_radius", "inside_radius_error", "inside_twice", "lies", "force_rmse_n", "force_told", "force_inside",
                                     "moment_rmse_nm", "moment_inside"], "", ""),
                    ("scene.floor", ["unknown", "states", "x_mm", "y_mm", "normal_n", "across_n", "along_n", "radius_mm", "x_mm_2",
                                     "y_mm_2", "normal_n_2", "across_n_2", "along_n_2", "radius_mm_2"],
