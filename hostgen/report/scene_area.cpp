@@ -187,8 +187,9 @@ struct Summary {
       lies += trial.is_lie();
       if (!trial.is_published) continue;
       errors_mm.push_back(trial.error_mm);
-      at_places[trial.place].all += 1;
-      at_places[trial.place].inside += trial.error_mm <= trial.radius_mm;
+      GroupCount& at_place = at_places[trial.place];
+      ++at_place.all;
+      at_place.inside += trial.error_mm <= trial.radius_mm;
       for (int k = 0; k < kCurveSteps; ++k) {
         curve[static_cast<std::size_t>(k)] += trial.error_mm <= 0.1 * (k + 1) * trial.radius_mm;
       }
@@ -209,12 +210,12 @@ struct Summary {
     const double of = std::max<double>(1, static_cast<double>(count)), touches = std::max(1.0, published);
     double sum_mm = 0;
     for (const double error : errors_mm) sum_mm += error;
-    std::vector<GroupCount> places;
-    for (const auto& [place, counted] : at_places) places.push_back(counted);
     json row = {
         {"trials", count}, {"published", published / of}, {"unexplained", unexplained / of}, {"lies", lies / of}};
     constexpr double kFewest = 20;  // fewer touches tell no share
     if (published < kFewest) return row;
+    std::vector<GroupCount> places;
+    for (const auto& [place, counted] : at_places) places.push_back(counted);
     const auto three = [](const auto& numbers, int first) {
       return json::array({numbers[first], numbers[first + 1], numbers[first + 2]});
     };
