@@ -310,14 +310,18 @@ class Page(unittest.TestCase):
 
     def test_a_stopped_measuring_program_is_told_on_every_page_and_ticks_nothing(self):
         device, browser = self.device(REST), self.browser()
+        browser.open(device, "diagnostics")
+        self.said(browser, "main", "No fault since")
         device.firmware.terminate()
+        # The last frames come by shared memory and count as live for a moment longer.
+        self.assertNotIn("No fault since", self.said(browser, "main", "The measuring program does not answer"))
         device.firmware.wait(20)
         for page in ("setup/network", "setup/camera", "setup/lens", "setup/mount", "setup/zero", "setup/check", "live", "diagnostics"):
             browser.open(device, page)
             self.said(browser, "main", "The measuring program does not answer")
             self.assertEqual(browser.text().count("does not answer"), 1, page)
             self.assertEqual(browser.text(".pill"), "No answer")
-            # The last frames come by shared memory and count as live for a moment longer.
+            # Ticks follow the last frames a moment longer.
             browser.wait(lambda d: not d.find_elements(By.CSS_SELECTOR, ".checks .ok, .checks .no"), f"{page}: nothing ticked")
             for words in ("the picture is dark", "No fault since", "Running for\n0 s", "0 of 255"):
                 self.assertNotIn(words, browser.text())
