@@ -255,8 +255,8 @@ class Hostgen(unittest.TestCase):
         packs = []
         for name, cores in (("one", "0"), ("two", "0,1")):
             path = WORK / f"{name}.safetensors"
-            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--scene", "probe", "--points", "16", "--forces", "3",
-                       "--training-steps", "200"]
+            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--scene", "probe", "--size", "coarse", "--points", "16",
+                       "--forces", "3", "--training-steps", "200"]
             if len(os.sched_getaffinity(0)) > 1:
                 command = ["taskset", "-c", cores] + command
             answer = run(*command)

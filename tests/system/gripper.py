@@ -34,12 +34,13 @@ unset multiplot
 TITLES = {"regrasp": "Regrasp towards the centre of the face: x 0, y 60 mm"}
 
 
-def states(name, pack, spec):
-    """The simulated finger: finite-element states at other points and forces than those the network was trained on."""
+def states(name, pack, spec, mesh):
+    """The simulated finger: finite-element states of the pack's mesh, at other points and forces than it was trained on."""
     file = WORK / name
     if not file.exists() or file.stat().st_mtime < pack.stat().st_mtime:
         file.unlink(missing_ok=True)
-        subprocess.run([BINARIES / "hostgen", "dataset", spec, "--scene", "probe", "-o", file, "--points", "48", "--forces", "6"], check=True)
+        subprocess.run([BINARIES / "hostgen", "dataset", spec, "--scene", "probe", "--size", mesh, "-o", file, "--points", "48",
+                        "--forces", "6"], check=True)
     return file
 
 
@@ -48,7 +49,8 @@ def main():
     subprocess.run(["cmake", "--build", BINARIES, "--target", "gripper_loop", "gripper_two_jaws"], check=True, stdout=subprocess.DEVNULL)
     plots = BINARIES / "gripper"
     plots.mkdir(exist_ok=True)
-    left, right = states("gripper-states.safetensors", PACK, SPEC), states("right-states.safetensors", RIGHT_PACK, RIGHT_SPEC)
+    left = states("gripper-states.safetensors", PACK, SPEC, "default")
+    right = states("right-states.safetensors", RIGHT_PACK, RIGHT_SPEC, "coarse")
     code = subprocess.run([BINARIES / "tests" / "gripper_loop", PACK, SPEC, left, FOLDER / "objects.csv",
                            "--plots", plots, *ARGUMENTS]).returncode
     code |= subprocess.run([BINARIES / "tests" / "gripper_two_jaws", PACK, SPEC, left, RIGHT_PACK, RIGHT_SPEC, right,

@@ -38,8 +38,8 @@ def prepare_right():
         RIGHT_SPEC.write_text(text)
     newest = max((BINARIES / "hostgen").stat().st_mtime, RIGHT_SPEC.stat().st_mtime)
     if not RIGHT_PACK.exists() or RIGHT_PACK.stat().st_mtime < newest:
-        subprocess.run([BINARIES / "hostgen", "build", RIGHT_SPEC, "-o", RIGHT_PACK, "--scene", "probe", "--points", "24",
-                        "--forces", "4", "--training-steps", "2000"], check=True)
+        subprocess.run([BINARIES / "hostgen", "build", RIGHT_SPEC, "-o", RIGHT_PACK, "--scene", "probe", "--size", "coarse",
+                        "--points", "24", "--forces", "4", "--training-steps", "2000"], check=True)
     if not RIGHT_SESSION.exists() or RIGHT_SESSION.stat().st_mtime < newest:
         shutil.rmtree(RIGHT_SESSION, ignore_errors=True)
         subprocess.run([BINARIES / "hostgen", "render", RIGHT_SPEC, "-o", RIGHT_SESSION, "--size", "640x480",
