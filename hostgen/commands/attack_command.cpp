@@ -13,12 +13,12 @@
 namespace finsight::host {
 
 void add_attack_command(CLI::App& app) {
-  struct Options {
+  struct AttackOptions {
     int port = 0, process = 0;
     double seconds = 10;
     std::string output;
   };
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<AttackOptions>();
   CLI::App* command = app.add_subcommand(
       "attack", "a lawful Modbus client beside attackers of a firmware on this machine; scripts/report calls it");
   command->add_option("--port", options->port, "of the firmware")->required()->check(CLI::Range(1, 65535));

@@ -11,10 +11,10 @@
 namespace finsight::host {
 
 void add_audit_command(CLI::App& app) {
-  struct Options {
+  struct AuditOptions {
     std::filesystem::path csv, image;
   };
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<AuditOptions>();
   CLI::App* command =
       app.add_subcommand("audit", "say what is wrong with recorded touches before anyone trains on them");
   command->add_option("csv", options->csv, "recordings (import-recordings writes them)")->required();

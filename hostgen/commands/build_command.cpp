@@ -28,7 +28,7 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct BuildOptions {
   std::filesystem::path spec, output, dataset, save_dataset;
   std::string profile = "quick", scene, size = "default";
   int points = 0, forces = 0, training_steps = 0;  // 0: the profile's
@@ -50,7 +50,7 @@ constexpr int kFewestGravityPlaces = 30;
 // A state with contacts of its own takes longer than one that follows the path, and teaches more.
 constexpr int kPointsOfChangingContacts = 700, kForcesOfChangingContacts = 11;
 
-Profile chosen_profile(const FingerSpec& spec, const Options& options) {
+Profile chosen_profile(const FingerSpec& spec, const BuildOptions& options) {
   Profile profile = kProfiles.at(options.profile);
   const Scene& scene = spec.scene(options.scene.empty() ? spec.trained_scene : options.scene);
   profile.dataset.scene = scene.name;
@@ -74,7 +74,7 @@ struct Parts {
   ShapeMapData map, contact_map;
 };
 
-PackViews views_of(const Parts& parts, const Options& options) {
+PackViews views_of(const Parts& parts, const BuildOptions& options) {
   PackViews views;
   views.finger_name = parts.spec.name;
   views.scene = parts.scene;
@@ -109,7 +109,7 @@ std::vector<float> self_test_poses(const FemDataset& dataset) {
 }
 
 /// Writes the pack with the answers that this build of the firmware gives, then opens it again and checks them.
-void write_with_self_test(const Parts& parts, const Options& options, const std::vector<float>& poses) {
+void write_with_self_test(const Parts& parts, const BuildOptions& options, const std::vector<float>& poses) {
   PackViews views = views_of(parts, options);
   const std::size_t cases = poses.size() / kPoseDims;
   std::vector<float> shape_mm(cases * views.shape.rest_mm.size()), contact_shape_mm(shape_mm.size()), touch(cases * 7);
@@ -143,7 +143,7 @@ void write_with_self_test(const Parts& parts, const Options& options, const std:
 
 /// The finite-element states: from a file, or computed. An interrupted run keeps finished paths beside the pack and
 /// continues from them.
-FemDataset truth(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile, const Options& options) {
+FemDataset truth(const FingerSpec& spec, const TetMesh& mesh, const Profile& profile, const BuildOptions& options) {
   if (!options.dataset.empty()) {
     FemDataset dataset = read_dataset(options.dataset);
     check_complete(dataset, spec, mesh, options.dataset);
@@ -214,7 +214,7 @@ void take_gravity(const Parts& parts, const TetMesh& mesh, int places, TouchTrai
   take(response.change.cast<float>().eval(), plan.per_g_change);
 }
 
-void run(const Options& options) {
+void run(const BuildOptions& options) {
   Parts parts;
   parts.spec = read_finger_spec(options.spec);
   const Profile profile = chosen_profile(parts.spec, options);
@@ -271,7 +271,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_build_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<BuildOptions>();
   CLI::App* command = app.add_subcommand("build", "make the model pack of a finger");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command->add_option("-o,--output", options->output, "model pack to write (.safetensors)")->required();

@@ -18,14 +18,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct CalibrateOptions {
   fs::path folder, output, plot, print_board;
   std::string squares = "10x7";
   double square_mm = 8;
   int every = 10;
 };
 
-CharucoBoard board_of(const Options& options) {
+CharucoBoard board_of(const CalibrateOptions& options) {
   CharucoBoard board;
   char rest = 0;
   if (std::sscanf(options.squares.c_str(), "%2dx%2d%c", &board.columns, &board.rows, &rest) != 2) {
@@ -35,7 +35,7 @@ CharucoBoard board_of(const Options& options) {
   return board;
 }
 
-void print_board(const Options& options, const CharucoBoard& board) {
+void print_board(const CalibrateOptions& options, const CharucoBoard& board) {
   check_extension(options.print_board, {".svg", ".png"});
   const bool is_svg = options.print_board.extension() == ".svg";
   write_file_atomically(options.print_board,
@@ -44,7 +44,7 @@ void print_board(const Options& options, const CharucoBoard& board) {
               options.print_board.c_str(), board.columns, board.rows, options.square_mm);
 }
 
-void calibrate(const Options& options, const CharucoBoard& board) {
+void calibrate(const CalibrateOptions& options, const CharucoBoard& board) {
   std::vector<fs::path> used = image_files(options.folder);
   check_writable(options.output, used);
   used.push_back(options.output);
@@ -70,7 +70,7 @@ void calibrate(const Options& options, const CharucoBoard& board) {
   if (!options.plot.empty()) plot_calibration(calibration, views, options.plot);
 }
 
-void run(const Options& options) {
+void run(const CalibrateOptions& options) {
   const CharucoBoard board = board_of(options);
   if (!options.print_board.empty()) return print_board(options, board);
   if (options.folder.empty() || options.output.empty()) {
@@ -82,7 +82,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_calibrate_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CalibrateOptions>();
   CLI::App* command = app.add_subcommand(
       "calibrate",
       "find the camera's lens from images of a calibration board (.png, .pgm, .y4m), and say what is missing: ten or "

@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kUsualWidth_px = 1920;  // binned until the image is no wider: more costs time in every frame
 
-struct Options {
+struct CameraOptions {
   std::filesystem::path spec;
   std::string sensor;
   double focal_mm = 0, f_number = 2.8, focus_mm = 0, pixel_um = 0;
@@ -30,7 +30,7 @@ std::vector<std::string> sensor_names() {
   return names;
 }
 
-Sensor sensor_of(const Options& options) {
+Sensor sensor_of(const CameraOptions& options) {
   for (const Sensor& sensor : known_sensors()) {
     if (sensor.name != options.sensor) continue;
     if (options.width_px > 0 || options.height_px > 0 || options.pixel_um > 0 || options.rolling) {
@@ -84,7 +84,7 @@ void print(const FingerSpec& spec, const CameraView& view) {
   }
 }
 
-void run(const Options& options) {
+void run(const CameraOptions& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   CameraChoice choice{.sensor = sensor_of(options),
                       .binning = options.binning,
@@ -98,7 +98,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_camera_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CameraOptions>();
   CLI::App* command = app.add_subcommand(
       "camera", "what a camera would see of a finger: field of view, depth of field, pixels per marker, plate noise");
   command->add_option("spec", options->spec, "finger spec (TOML): where markers and lens are")->required();

@@ -14,7 +14,7 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct DatasetOptions {
   std::filesystem::path spec, output;
   std::string shard, scene, size = "default";
   DatasetPlan plan;
@@ -39,7 +39,7 @@ void print_summary(const std::filesystem::path& file, const FemDataset& dataset)
       dataset.kept.size());
 }
 
-void run(const Options& options) {
+void run(const DatasetOptions& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   const Shard shard = options.shard.empty() ? Shard{} : parse_shard(options.shard);
   if (shard.count > options.plan.points) {
@@ -65,7 +65,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_dataset_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<DatasetOptions>();
   CLI::App* command = app.add_subcommand("dataset", "compute finite-element states of the touched finger");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct FigureOptions {
   fs::path session, pack, output;
   int frame = -1;
 };
@@ -33,7 +33,7 @@ struct NumberedFrame {
 
 /// Runs the firmware's stages over the session up to the wanted frame; with none wanted, over all of it, and returns
 /// the one with the largest force.
-NumberedFrame measure(const Options& options, const Model& model) {
+NumberedFrame measure(const FigureOptions& options, const Model& model) {
   const SessionInfo info = read_session_info(options.session);
   check_markers(info, options.session, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
                 options.pack.string());
@@ -68,7 +68,7 @@ NumberedFrame measure(const Options& options, const Model& model) {
   return chosen;
 }
 
-void run(const Options& options) {
+void run(const FigureOptions& options) {
   check_extension(options.output, {".png"});
   check_writable(options.output, {options.pack, options.session / kSessionFrames, options.session / kSessionInfo});
   const Model model = Model::open(options.pack);
@@ -89,7 +89,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_figure_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<FigureOptions>();
   CLI::App* command = app.add_subcommand(
       "figure", "draw one frame of a session: the markers found, the reconstructed finger and its touch (PNG)");
   command->add_option("session", options->session, "session folder (hostgen render and boards record them)")

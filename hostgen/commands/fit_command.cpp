@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct FitOptions {
   FittedDevice device;
   fs::path weights, output;
 };
@@ -60,7 +60,7 @@ void print_fit(const WeightFit& fit, const FitBasis& basis) {
   for (const std::string& untold : fit.untold) std::printf("not told: %s\n", untold.c_str());
 }
 
-void run(const Options& options) {
+void run(const FitOptions& options) {
   const FittedDevice& device = options.device;
   const Model model = Model::open(device.pack);
   const FingerSpec spec = device.read_spec(model);
@@ -93,7 +93,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_fit_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<FitOptions>();
   CLI::App* command = app.add_subcommand(
       "fit",
       "find force scale, creep, motions and touch offset of one finger from recordings of known weights at the holes "

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct ForceOptions {
   fs::path session, spec, pack, mount, output;
   int every = 6;
 };
@@ -30,7 +30,7 @@ struct Frames {
 };
 
 /// Plate poses as the firmware estimates them, of every `every`th frame. Markers are followed through all.
-Frames estimate_poses(const Options& options, const Model& model) {
+Frames estimate_poses(const ForceOptions& options, const Model& model) {
   const SessionInfo info = read_session_info(options.session);
   check_markers(info, options.session, model.mount.marker_id, static_cast<double>(model.mount.marker_size_mm),
                 options.pack.string());
@@ -94,7 +94,7 @@ std::string collection(const Frames& frames) {
   return text + "</Collection>\n</VTKFile>\n";
 }
 
-void run(const Options& options) {
+void run(const ForceOptions& options) {
   const Model model = Model::open(options.pack);
   const FingerSpec spec = read_finger_spec(options.spec);
   check_made_from(spec, model.spec_sha256, options.pack);
@@ -132,7 +132,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_force_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ForceOptions>();
   CLI::App* command = app.add_subcommand(
       "force",
       "estimate contact forces of a session: frames for ParaView (force.pvd) and contacts.csv, which says of every "

@@ -13,7 +13,7 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct IdentifyOptions {
   std::filesystem::path csv, spec;
   int points = 12, iterations = 4;
 };
@@ -44,7 +44,7 @@ void print(const Identification& found, const RecordingAudit& audit) {
   }
 }
 
-void run(const Options& options) {
+void run(const IdentifyOptions& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   if (spec.surface) {
     throw InputError(options.spec.string(), "surface", "a finger from a file", "[shape], whose numbers can be fitted");
@@ -61,7 +61,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_identify_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<IdentifyOptions>();
   CLI::App* command = app.add_subcommand(
       "identify",
       "fit the spec's wall thicknesses, base ring and Young's modulus to recorded pushes, and say which of "

@@ -10,10 +10,10 @@
 namespace finsight::host {
 
 void add_import_recordings_command(CLI::App& app) {
-  struct Options {
+  struct ImportRecordingsOptions {
     std::filesystem::path folder, output;
   };
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ImportRecordingsOptions>();
   CLI::App* command =
       app.add_subcommand("import-recordings", "convert the recordings published with the paper into one CSV");
   command

@@ -12,11 +12,11 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct JigOptions {
   std::filesystem::path spec, output;
 };
 
-void run(const Options& options) {
+void run(const JigOptions& options) {
   check_extension(options.output, {".stl"});
   const FingerSpec spec = read_finger_spec(options.spec);
   std::filesystem::path drawing = options.output;
@@ -39,7 +39,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_jig_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<JigOptions>();
   CLI::App* command = app.add_subcommand(
       "jig",
       "a jig to print: clips to the finger's base and guides a 3 mm pin that carries weights through numbered holes "

@@ -14,13 +14,13 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct MeshOptions {
   std::filesystem::path spec, output;
   std::string size = "default";
 };
 
 /// A refused finger is shown as it was read.
-FingerSpec read_or_show(const Options& options) try {
+FingerSpec read_or_show(const MeshOptions& options) try {
   return read_finger_spec(options.spec);
 } catch (const InputError&) {
   if (const auto finger = read_surface_unchecked(options.spec)) {
@@ -32,7 +32,7 @@ FingerSpec read_or_show(const Options& options) try {
   throw;
 }
 
-void run(const Options& options) {
+void run(const MeshOptions& options) {
   const FingerSpec spec = read_or_show(options);
   check_writable(options.output, {spec.file, spec.surface_file});
   const TetMesh mesh = make_mesh(spec, kMeshSizes.at(options.size));
@@ -50,7 +50,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_mesh_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<MeshOptions>();
   CLI::App* command =
       app.add_subcommand("mesh", "mesh a finger and write it for ParaView; the surface of a finger that is refused");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();

@@ -13,7 +13,7 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct MountOptions {
   std::filesystem::path session, spec, output;
 };
 
@@ -23,7 +23,7 @@ std::string mount_file(const MountEstimate& estimate, const FingerSpec& spec, in
          measured_mount_toml(estimate.mount);
 }
 
-void run(const Options& options) {
+void run(const MountOptions& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   check_writable(options.output, {spec.file, spec.surface_file, options.session / kSessionFrames,
                                   options.session / kSessionInfo, options.session / kSessionTruth});
@@ -38,7 +38,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_mount_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<MountOptions>();
   CLI::App* command = app.add_subcommand(
       "mount",
       "find where camera and markers of one device really are, from a session of the finger at rest. What all markers "

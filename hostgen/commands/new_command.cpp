@@ -17,7 +17,7 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct NewOptions {
   std::filesystem::path surface, output;
 };
 
@@ -55,7 +55,7 @@ std::string picture_of(const FirstSpec& first) {
 }
 
 /// A refused surface is shown as it was read.
-FirstSpec propose_or_show(const Options& options) try {
+FirstSpec propose_or_show(const NewOptions& options) try {
   return propose_spec(options.surface, options.output);
 } catch (const InputError&) {
   std::filesystem::path shown = options.output;
@@ -70,7 +70,7 @@ FirstSpec propose_or_show(const Options& options) try {
   throw;
 }
 
-void run(const Options& options) {
+void run(const NewOptions& options) {
   check_extension(options.output, {".toml"});
   std::filesystem::path picture = options.output;
   picture.replace_extension(".png");
@@ -97,7 +97,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_new_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<NewOptions>();
   CLI::App* command =
       app.add_subcommand("new",
                          "write a first spec for a surface from CAD, with base, front, touched part, "

@@ -13,12 +13,12 @@
 namespace finsight::host {
 
 void add_page_cost_command(CLI::App& app) {
-  struct Options {
+  struct PageCostOptions {
     std::string folder, output;
     int port = 0, rounds = 9, browsers = 3;
     double seconds = 10;
   };
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<PageCostOptions>();
   CLI::App* command = app.add_subcommand(
       "page-cost", "what watching browsers cost a firmware on this machine; scripts/report calls it");
   command->add_option("--folder", options->folder, "page.folder of the board file")->required();

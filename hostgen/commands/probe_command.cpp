@@ -13,12 +13,12 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct ProbeOptions {
   std::filesystem::path spec;
   std::string size = "default";
 };
 
-void run(const Options& options) {
+void run(const ProbeOptions& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
   const TetMesh mesh = make_mesh(spec, kMeshSizes.at(options.size));
   print_mesh(mesh);
@@ -43,7 +43,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_probe_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ProbeOptions>();
   CLI::App* command = app.add_subcommand(
       "probe",
       "push a finger at nine places before the long work: which forces it bears, how far its plates move, what the "

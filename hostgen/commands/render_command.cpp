@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 constexpr int kFramesPerSecond = 60;
 
-struct Options {
+struct RenderOptions {
   fs::path spec, output;
   std::string size = "640x480", preset = "lab", motion = "wander", event = "none";
   std::optional<std::string> coding;  ///< instead of the preset's
@@ -86,18 +86,18 @@ class PendingFolder {
   fs::path target_, temporary_;
 };
 
-bool is_srgb(const Options& options) {
+bool is_srgb(const RenderOptions& options) {
   return options.coding ? *options.coding == "srgb" : image_preset(options.preset).srgb;
 }
 
-std::string finger_text(const Options& options) {
+std::string finger_text(const RenderOptions& options) {
   std::string text;
   if (options.finger) text += ", virtual finger " + std::to_string(*options.finger);
   if (options.hole) text += ", weight at hole " + std::to_string(options.hole);
   return text;
 }
 
-SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const Options& options) {
+SessionInfo session_info(const FingerSpec& spec, const Lens& lens, const RenderOptions& options) {
   SessionInfo info{.lens = lens,
                    .frames_per_second = kFramesPerSecond,
                    .marker_dictionary = "DICT_4X4_50",
@@ -152,7 +152,7 @@ std::string truth_csv(const std::vector<FemState>& states) {
 }
 
 void write_images(const fs::path& file, const FingerSpec& spec, const Lens& camera, const std::vector<FemState>& states,
-                  const Options& options) {
+                  const RenderOptions& options) {
   ImageQuality quality = image_preset(options.preset);
   quality.srgb = is_srgb(options);
   quality.readout_s = options.readout_ms / 1000;
@@ -171,7 +171,7 @@ void write_images(const fs::path& file, const FingerSpec& spec, const Lens& came
   writer.finish();
 }
 
-void print_summary(const std::vector<FemState>& states, const Options& options) {
+void print_summary(const std::vector<FemState>& states, const RenderOptions& options) {
   std::ptrdiff_t touched = 0;
   float force_n = 0, motion_mm = 0;
   for (const FemState& state : states) {
@@ -185,12 +185,12 @@ void print_summary(const std::vector<FemState>& states, const Options& options) 
 }
 
 // Two independent streams of random numbers from one seed: the touch does not depend on the image's size.
-std::vector<TouchLoad> wandering(const FingerSpec& spec, const Options& options, int frames) {
+std::vector<TouchLoad> wandering(const FingerSpec& spec, const RenderOptions& options, int frames) {
   const TouchPlan plan(spec, options.seconds, 2 * options.seed, value_of(touch_paths(), options.motion));
   return planned_loads(plan, frames, kFramesPerSecond);
 }
 
-std::vector<TouchLoad> hung_up(const FingerSpec& spec, const Options& options, int frames) {
+std::vector<TouchLoad> hung_up(const FingerSpec& spec, const RenderOptions& options, int frames) {
   const std::vector<JigHole> holes = jig_holes(spec);
   const auto hole = std::ranges::find(holes, options.hole, &JigHole::number);
   if (hole == holes.end()) {
@@ -213,7 +213,7 @@ void check_bears_weights(const std::vector<TouchLoad>& loads, const std::vector<
                        ": the finger does not bear more at hole " + std::to_string(hole));
 }
 
-void run(const Options& options) {
+void run(const RenderOptions& options) {
   if (!std::isfinite(options.seconds)) throw InputError("command line", "--seconds", "not a number", "0.1 ... 600");
   const FingerSpec spec = read_finger_spec(options.spec);
   const std::size_t size = kCameraOfSize.at(options.size);
@@ -241,7 +241,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_render_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RenderOptions>();
   CLI::App* command = app.add_subcommand("render", "make a session: what the camera would see of a wandering touch");
   command->add_option("spec", options->spec, "finger spec (TOML)")->required();
   command->add_option("-o,--output", options->output, "session folder to write")->required();

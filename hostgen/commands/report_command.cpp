@@ -18,7 +18,7 @@ using nlohmann::json;
 
 namespace {
 
-struct Options {
+struct ReportOptions {
   std::filesystem::path pack, spec, folder, dataset, recordings;
   std::vector<std::string> figures;  ///< NAME=FILE
   bool quick = false;
@@ -26,7 +26,7 @@ struct Options {
 };
 
 /// What another program measured, or why it is not there.
-json figures_of(const Options& options, const std::string& name, const char* why) {
+json figures_of(const ReportOptions& options, const std::string& name, const char* why) {
   for (const std::string& given : options.figures) {
     if (!given.starts_with(name + "=")) continue;
     const std::filesystem::path file = given.substr(name.size() + 1);
@@ -39,13 +39,13 @@ json figures_of(const Options& options, const std::string& name, const char* why
   return {{"why", why}};
 }
 
-json solver(const Options& options, const Model& model) {
+json solver(const ReportOptions& options, const Model& model) {
   json bench = figures_of(options, "bench", "no figures of the program bench were given");
   if (bench.contains("why")) bench = {{"solver", bench}};
   return measure_solver(model, bench, options.quick);
 }
 
-json touch(const Options& options, const Model& model) {
+json touch(const ReportOptions& options, const Model& model) {
   const json built = read_build_figures(options.pack)["touch"];
   if (options.dataset.empty()) return measure_touch(built, model, nullptr, nullptr, options.quick);
   const FingerSpec spec = read_finger_spec(options.spec);
@@ -54,7 +54,7 @@ json touch(const Options& options, const Model& model) {
   return measure_touch(built, model, &spec, &dataset, options.quick);
 }
 
-json modbus(const Options& options, const Model&) {
+json modbus(const ReportOptions& options, const Model&) {
   json figures = measure_modbus(options.quick);
   figures["modbus"]["soak"] = figures_of(options, "soak", "no figures of scripts/lib/soak.py were given");
   const json attacks = figures_of(options, "attack", "no figures of scripts/lib/attack.py were given");
@@ -64,41 +64,42 @@ json modbus(const Options& options, const Model&) {
 
 struct Area {
   const char* name;
-  json (*measure)(const Options&, const Model&);
+  json (*measure)(const ReportOptions&, const Model&);
 };
 /// In the order of the page. scripts/lib/report_run.py brings what other programs measure.
 constexpr Area kAreas[] = {
     {"solver", solver},
-    {"hard", [](const Options& o, const Model& model) { return measure_hard_cases(model, o.folder, o.quick); }},
-    {"fem",
-     [](const Options& o, const Model&) { return measure_fem(o.spec, read_build_figures(o.pack)["fem"], o.quick); }},
+    {"hard", [](const ReportOptions& o, const Model& model) { return measure_hard_cases(model, o.folder, o.quick); }},
+    {"fem", [](const ReportOptions& o,
+               const Model&) { return measure_fem(o.spec, read_build_figures(o.pack)["fem"], o.quick); }},
     {"touch", touch},
-    {"scene", [](const Options& o,
+    {"scene", [](const ReportOptions& o,
                  const Model& model) { return measure_scenes(model, read_finger_spec(o.spec), o.folder, o.quick); }},
-    {"fit", [](const Options& o,
+    {"fit", [](const ReportOptions& o,
                const Model& model) { return measure_fits(model, read_finger_spec(o.spec), o.folder, o.quick); }},
-    {"real", [](const Options& o, const Model& model) { return measure_real(model, o.recordings, o.folder, o.quick); }},
-    {"force", [](const Options& o, const Model&) { return measure_force(read_finger_spec(o.spec), o.quick); }},
-    {"vision", [](const Options& o,
+    {"real",
+     [](const ReportOptions& o, const Model& model) { return measure_real(model, o.recordings, o.folder, o.quick); }},
+    {"force", [](const ReportOptions& o, const Model&) { return measure_force(read_finger_spec(o.spec), o.quick); }},
+    {"vision", [](const ReportOptions& o,
                   const Model& model) { return measure_vision(model, read_finger_spec(o.spec), o.folder, o.quick); }},
     {"modbus", modbus},
     {"page",
-     [](const Options& o, const Model&) {
+     [](const ReportOptions& o, const Model&) {
        return json{{"page", figures_of(o, "page", "no figures of scripts/lib/page_cost.py were given")}};
      }},
     {"fingers",
-     [](const Options& o, const Model&) {
+     [](const ReportOptions& o, const Model&) {
        return json{{"fingers", figures_of(o, "fingers", "no figures of scripts/lib/fingers.py were given")}};
      }},
-    {"pictures",
-     [](const Options& o, const Model& model) { return measure_pictures(model, read_finger_spec(o.spec), o.quick); }},
+    {"pictures", [](const ReportOptions& o,
+                    const Model& model) { return measure_pictures(model, read_finger_spec(o.spec), o.quick); }},
     {"appliance",
-     [](const Options& o, const Model&) {
+     [](const ReportOptions& o, const Model&) {
        return json{{"appliance", figures_of(o, "appliance", "tests/system/boot has not run on this machine")}};
      }},
 };
 
-void run(const Options& options) {
+void run(const ReportOptions& options) {
   const Model model = Model::open(options.pack);
   std::filesystem::create_directories(options.folder);
   Results results(options.folder / "results.json");
@@ -117,7 +118,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_report_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ReportOptions>();
   CLI::App* command = app.add_subcommand("report", "measure speed against error; scripts/report prepares and calls it");
   std::vector<std::string> names;
   for (const Area& area : kAreas) names.emplace_back(area.name);

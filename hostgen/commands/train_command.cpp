@@ -10,12 +10,12 @@ namespace finsight::host {
 
 namespace {
 
-struct Options {
+struct TrainOptions {
   std::filesystem::path recordings, test, pack;
   RecordingTrainingPlan plan;
 };
 
-void run(const Options& options) {
+void run(const TrainOptions& options) {
   const RecordedMotion motion = read_recorded_motion(options.recordings, "");
   std::optional<RecordedMotion> test;
   if (!options.test.empty()) test = read_recorded_motion(options.test, "");
@@ -48,7 +48,7 @@ void run(const Options& options) {
 }  // namespace
 
 void add_train_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<TrainOptions>();
   CLI::App* command = app.add_subcommand(
       "train",
       "train touch networks on real recordings; the paper's random split and a split by contact point, side by side");

@@ -20,14 +20,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct VerifyOptions {
   FittedDevice device;
   fs::path plan, output;
   bool quick = false;
 };
 
 /// The plan's series of the recordings that were given, in the recordings' order. `quick`: one is enough.
-VerificationPlan planned(VerificationPlan plan, const Options& options) {
+VerificationPlan planned(VerificationPlan plan, const VerifyOptions& options) {
   std::vector<PlannedSeries> chosen;
   for (const fs::path& session : options.device.sessions) {
     const auto series = std::ranges::find(plan.series, session_name(session), &PlannedSeries::session);
@@ -75,7 +75,7 @@ std::string fit_in_words(const fs::path& file, const std::optional<FitValues>& f
   return file.filename().string() + text;
 }
 
-int run(const Options& options) {
+int run(const VerifyOptions& options) {
   check_extension(options.output, {".html"});
   const FittedDevice& device = options.device;
   const Model model = Model::open(device.pack);
@@ -122,7 +122,7 @@ int run(const Options& options) {
 }  // namespace
 
 void add_verify_command(CLI::App& app) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<VerifyOptions>();
   CLI::App* command = app.add_subcommand(
       "verify",
       "check one finger with known weights, up and down, like a load cell, and write its certificate. Exit code 1: it "
