@@ -83,7 +83,7 @@ std::string alive_checks(const Dialect& dialect) {
          each + "  " + local + "alive := " + all + ";\n";
 }
 
-std::string assignments(const RegisterTable& table, const Dialect& dialect) {
+std::string gripper_assignments(const RegisterTable& table, const Dialect& dialect) {
   std::ostringstream text;
   for (const RegisterRow& row : table.gathered) {
     if (is_reserved(row)) continue;
@@ -135,7 +135,7 @@ std::string memory() {
 std::string body(const RegisterTable& table, const Dialect& dialect) {
   const RegisterRow& fingers = row_named("fingers");
   return "  " + std::string(dialect.local) + "fingers := " + converted(dialect, fingers) + ";\n" +
-         alive_checks(dialect) + assignments(table, dialect) + "END_FUNCTION_BLOCK\n";
+         alive_checks(dialect) + gripper_assignments(table, dialect) + "END_FUNCTION_BLOCK\n";
 }
 
 }  // namespace

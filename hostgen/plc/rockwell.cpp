@@ -10,7 +10,7 @@ namespace finsight::host {
 namespace {
 
 /// A parameter or a local tag of the instruction.
-struct Tag {
+struct RockwellTag {
   std::string name, type, usage, description, first_value = "0";
 };
 
@@ -19,7 +19,7 @@ bool is_real(const RegisterRow& row) { return row.scale != 1 || row.type == Regi
 std::string cdata(const std::string& text) { return std::string("<![CDATA[") + text + "]]>"; }
 
 /// The value that a tag has at first, in both forms of an export.
-std::string default_data(const Tag& tag) {
+std::string default_data(const RockwellTag& tag) {
   const bool real = tag.type == "REAL";
   const std::string value = real ? "0.0" : tag.first_value, radix = real ? "Float" : "Decimal";
   return std::string("<DefaultData Format=\"L5K\">") + cdata(real ? "0.00000000e+000" : value) +
@@ -27,7 +27,7 @@ std::string default_data(const Tag& tag) {
          "\" Value=\"" + value + "\"/></DefaultData>";
 }
 
-std::string parameter(const Tag& tag) {
+std::string parameter(const RockwellTag& tag) {
   const std::string radix = tag.type == "REAL" ? "Float" : "Decimal";
   std::string text =
       std::string("<Parameter Name=\"") + tag.name + "\" TagType=\"Base\" DataType=\"" + tag.type + "\" ";
@@ -46,8 +46,8 @@ std::string parameter(const Tag& tag) {
 
 std::string type_of(const RegisterRow& row) { return is_real(row) ? "REAL" : "DINT"; }
 
-std::vector<Tag> value_tags(const RegisterTable& table) {
-  std::vector<Tag> tags;
+std::vector<RockwellTag> value_tags(const RegisterTable& table) {
+  std::vector<RockwellTag> tags;
   for (const RegisterRow& row : table.measurements) {
     if (is_reserved(row)) continue;
     const std::string at = std::string("register ") + std::to_string(row.address);
@@ -63,8 +63,8 @@ std::vector<Tag> value_tags(const RegisterTable& table) {
   return tags;
 }
 
-std::vector<Tag> parameters(const RegisterTable& table) {
-  std::vector<Tag> tags = {
+std::vector<RockwellTag> parameters(const RegisterTable& table) {
+  std::vector<RockwellTag> tags = {
       {"EnableIn", "BOOL", "Input", "Enable Input - System Defined Parameter"},
       {"EnableOut", "BOOL", "Output", "Enable Output - System Defined Parameter"},
       {"words", "INT", std::string("InOut ") + std::to_string(kMeasurementRegisters),
@@ -92,19 +92,19 @@ std::vector<Tag> parameters(const RegisterTable& table) {
       {"error_code", "DINT", "Output", "as register 1203; 65535: no result within time_limit"},
       {"alive", "BOOL", "Output", "new results keep coming; while 0, use no value"},
       {"word_order_is_right", "BOOL", "Output", "by the test constants, registers 39 and 46"}};
-  const std::vector<Tag> values = value_tags(table);
+  const std::vector<RockwellTag> values = value_tags(table);
   tags.insert(tags.end(), values.begin(), values.end());
   return tags;
 }
 
-const Tag kLocalTags[] = {
+const RockwellTag kLocalTags[] = {
     {"pair", "INT", "2", ""},          {"long_value", "DINT", "", ""}, {"real_value", "REAL", "", ""},
     {"last_heartbeat", "INT", "", ""}, {"before", "BOOL", "", ""},     {"chosen", "BOOL", "", ""},
     {"is_new", "BOOL", "", ""},        {"taken", "BOOL", "", ""},      {"given", "DINT", "", ""},
     {"sequence", "DINT", "", ""},      {"quiet", "FBD_TIMER", "", ""}, {"timer", "FBD_TIMER", "", ""},
 };
 
-std::string local_tag(const Tag& tag) {
+std::string local_tag(const RockwellTag& tag) {
   if (tag.type == "FBD_TIMER") {
     return std::string("<LocalTag Name=\"") + tag.name + "\" DataType=\"FBD_TIMER\" ExternalAccess=\"None\"/>\n";
   }
@@ -234,9 +234,9 @@ std::string rockwell_l5x(const RegisterTable& table) {
           "\" EditedBy=\"Finsight\" SoftwareRevision=\"v32.00\">\n<Description>" +
           cdata("Finsight touch sensor: scaled values, alive and commands, from what a Modbus TCP client reads") +
           "</Description>\n<Parameters>\n";
-  for (const Tag& tag : parameters(table)) text += parameter(tag);
+  for (const RockwellTag& tag : parameters(table)) text += parameter(tag);
   text += "</Parameters>\n<LocalTags>\n";
-  for (const Tag& tag : kLocalTags) text += local_tag(tag);
+  for (const RockwellTag& tag : kLocalTags) text += local_tag(tag);
   return text + "</LocalTags>\n<Routines>\n<Routine Name=\"Logic\" Type=\"ST\">\n<STContent>\n" +
          lines_of(logic(table)) +
          "</STContent>\n</Routine>\n</Routines>\n</AddOnInstructionDefinition>\n</AddOnInstructionDefinitions>\n"

@@ -17,7 +17,7 @@ using nlohmann::json;
 
 namespace {
 
-constexpr std::uint64_t kSeed = 77;
+constexpr std::uint64_t kCornerSeed = 77;
 constexpr double kCoarsePx = 1.5;  // error of a detector's corners, from whole pixels and blur
 using Corners = std::array<Vec2f, 4>;
 
@@ -88,8 +88,8 @@ Corners by_corner_sub_pix(const ImageView& image, const Corners& start) {
 using Take = std::function<void(const DrawnMarker&, const Corners* edges, const Corners& sub_pix)>;
 void measure(const FingerSpec& spec, const ImageQuality& quality, int images, const Take& take) {
   const Lens& lens = spec.cameras[0];
-  Renderer renderer(spec, lens, quality, kSeed);
-  Random random(kSeed);
+  Renderer renderer(spec, lens, quality, kCornerSeed);
+  Random random(kCornerSeed);
   std::vector<std::uint8_t> grey;
   for (int n = 0; n < images; ++n) {
     if (interrupted()) throw Interrupted();

@@ -19,10 +19,10 @@ using nlohmann::json;
 
 namespace {
 
-constexpr double kFramesPerSecond = 60;
-constexpr std::uint64_t kSeed = 4343;
+constexpr double kPicturesPerSecond = 60;
+constexpr std::uint64_t kPictureSeed = 4343;
 constexpr int kZeroFrames = Zeroing::kMaxFrames + 1;
-constexpr float kFirm_mm = 4;  // plate motion
+constexpr float kFirmTouch_mm = 4;  // plate motion
 // A touch of its own stands still for this many frames. The first and the last share their exposure with the touches
 // around it; the second is for the stages that follow markers from frame to frame; the third counts.
 constexpr std::size_t kHeldFrames = 4, kShownFrom = 1, kCounts = 2;
@@ -56,7 +56,7 @@ std::vector<Picture> pictures() {
 }
 
 /// Registers of touches whose plates have moved far enough, against the truth.
-class Score {
+class PictureScore {
  public:
   void add(const RegisterImage& image, const FemState& truth) {
     const auto word = [&](std::size_t at) { return image.words[at]; };
@@ -64,7 +64,7 @@ class Score {
     const std::uint16_t status = word(address_of("status"));
     constexpr std::uint16_t kSeen[kPlates] = {kTopSeen, kMiddleSeen, kLowSeen};
     for (std::size_t p = 0; p < kPlates; ++p) seen_[p] += (status & kSeen[p]) != 0;
-    if (truth.force_n == 0 || plate_motion_mm(truth.plates) < kFirm_mm) return;
+    if (truth.force_n == 0 || plate_motion_mm(truth.plates) < kFirmTouch_mm) return;
     ++firm_;
     if ((status & kTouchValid) == 0) return;
     const std::size_t at = address_of("touch_x");
@@ -103,7 +103,7 @@ Frame frame_of(const std::vector<std::uint8_t>& grey, const Lens& camera, std::u
           .width_px = camera.width_px,
           .height_px = camera.height_px,
           .stride_bytes = camera.width_px,
-          .exposure_ns = 1'000'000'000 + static_cast<std::int64_t>(1e9 / kFramesPerSecond * number),
+          .exposure_ns = 1'000'000'000 + static_cast<std::int64_t>(1e9 / kPicturesPerSecond * number),
           .sequence = number,
           .coding = srgb ? Coding::kSrgb : Coding::kLinear};
 }
@@ -122,8 +122,8 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
                      const std::vector<FemState>& states, Progress& progress) {
   const Lens& camera = spec.cameras[1];
   const ImageQuality& quality = picture.quality;
-  Renderer renderer(spec, camera, quality, kSeed);
-  const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px, SessionEvent::kNone);
+  Renderer renderer(spec, camera, quality, kPictureSeed);
+  const SceneMaker scenes(states, kPicturesPerSecond, quality.exposure_s, camera.width_px, SessionEvent::kNone);
   LoopSettings settings;
   settings.rest_is_known = false;
   settings.fit.emplace();  // the pictures are of the finger that the pack was made for
@@ -145,7 +145,7 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
   settings.mount = mount;
   std::optional<FrameLoop> mounted;
   if (mount) mounted.emplace(model, camera, settings);
-  Score with_zero, without_zero, with_mount;
+  PictureScore with_zero, without_zero, with_mount;
   for (std::size_t k = 0; k < states.size(); ++k) {
     if (interrupted()) throw Interrupted();
     progress.advance();
@@ -155,7 +155,7 @@ json measure_picture(const Model& model, const FingerSpec& spec, const Picture& 
     render_frame(renderer, scenes, k, quality.readout_s, grey);
     const Frame frame = frame_of(grey, camera, number++, quality.srgb);
     const bool counts = picture.fast || held == kCounts;
-    const auto step = [&](FrameLoop& loop, Score& score) {
+    const auto step = [&](FrameLoop& loop, PictureScore& score) {
       const RegisterImage& image = loop.step(frame);
       if (counts) score.add(image, states[k]);
     };
@@ -178,8 +178,8 @@ json measure_pictures(const Model& model, const FingerSpec& spec, bool quick) {
   std::vector<FemState> held;
   for (const CaseState& touch : solve_case(spec, any, places)) held.insert(held.end(), kHeldFrames, touch.state);
   const std::vector<FemState> fast =
-      make_touch_path(spec, make_mesh(spec), TouchPlan(spec, seconds, kSeed, TouchPlan::Path::kFast),
-                      static_cast<int>(seconds * kFramesPerSecond), kFramesPerSecond);
+      make_touch_path(spec, make_mesh(spec), TouchPlan(spec, seconds, kPictureSeed, TouchPlan::Path::kFast),
+                      static_cast<int>(seconds * kPicturesPerSecond), kPicturesPerSecond);
   const std::vector<Picture> all = pictures();
   const auto states_of = [&](const Picture& picture) -> const std::vector<FemState>& {
     return picture.fast ? fast : held;

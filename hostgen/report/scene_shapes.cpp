@@ -16,7 +16,7 @@ using nlohmann::json;
 
 namespace {
 
-struct Errors {
+struct Differences {
   std::vector<double> signed_errors, sizes;
   void add(double error) {
     signed_errors.push_back(error);
@@ -51,7 +51,7 @@ std::vector<Measured> measure(const Model& model, const FingerSpec& spec, const 
 }
 
 json judge(const char* tier, ShapeStage& stage, const std::vector<Measured>& states) {
-  Errors level, largest_mm;
+  Differences level, largest_mm;
   std::vector<double> us;
   for (const Measured& state : states) {
     stage.reset();

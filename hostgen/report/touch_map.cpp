@@ -14,9 +14,9 @@ using nlohmann::json;
 
 namespace {
 
-constexpr double kBands_mm[] = {0, 2, 4, 7, 12};  // of plate motion
+constexpr double kMotionBands_mm[] = {0, 2, 4, 7, 12};  // of plate motion
 constexpr int kRadii = 30;
-constexpr std::uint64_t kSeed = 68;
+constexpr std::uint64_t kMapSeed = 68;
 
 struct Point {
   Vec3f point_mm = Vec3f::Zero();
@@ -24,14 +24,14 @@ struct Point {
   std::vector<double> errors_mm;
 };
 
-struct Band {
+struct MotionBand {
   int touches = 0;
   std::array<int, kRadii> inside = {};
 };
 
 double band_of(double motion_mm) {
   double from_mm = 0;
-  for (const double edge : kBands_mm) {
+  for (const double edge : kMotionBands_mm) {
     if (motion_mm >= edge) from_mm = edge;
   }
   return from_mm;
@@ -42,9 +42,9 @@ double band_of(double motion_mm) {
 json map_touches(const Model& model, const FingerSpec& spec, const FemDataset& unseen, int draws) {
   TouchStage stage(model);
   stage.use_tolerances(0, 0, 0);  // the states are of the finger that the pack was made for
-  Random random(kSeed);
+  Random random(kMapSeed);
   std::map<std::int32_t, Point> points;
-  std::map<double, Band> bands;
+  std::map<double, MotionBand> bands;
   for (const FemState& state : unseen.states) {
     if (!state.valid()) continue;
     for (int draw = 0; draw < draws; ++draw) {
@@ -57,7 +57,7 @@ json map_touches(const Model& model, const FingerSpec& spec, const FemDataset& u
       if (touch.quality != Quality::kFresh) continue;
       const double error_mm = static_cast<double>((touch.point_mm - state.point_mm).norm());
       point.errors_mm.push_back(error_mm);
-      Band& band = bands[band_of(static_cast<double>(touch.plate_motion_mm))];
+      MotionBand& band = bands[band_of(static_cast<double>(touch.plate_motion_mm))];
       ++band.touches;
       for (int k = 0; k < kRadii; ++k) {
         band.inside[static_cast<std::size_t>(k)] += error_mm <= 0.1 * (k + 1) * static_cast<double>(touch.radius_68_mm);

@@ -22,11 +22,11 @@ using nlohmann::json;
 namespace {
 
 constexpr double kFramesPerSecond = 60;
-constexpr std::uint64_t kSeed = 4242;  // not used by any training or tuning
+constexpr std::uint64_t kVisionSeed = 4242;  // not used by any training or tuning
 // A rotation error above this counts as a flip to the square's mirror pose; noise tilts by a degree or two.
 constexpr double kFlipDeg = 6;
 
-constexpr double kSmoothing_ms = 33.3;         // two frames
+constexpr double kPoseSmoothing_ms = 33.3;     // two frames
 constexpr double kBands_mm[] = {2, 4, 7, 12};  // lower limits, of the largest plate motion; the last band is open
 
 /// Errors of the touches of one band of plate motion.
@@ -50,7 +50,7 @@ struct Band {
 };
 
 /// The errors of one method from corners to touches.
-class Score {
+class MethodScore {
  public:
   /// `level_permille`: the deformation level of this frame, NaN if the method has none.
   void add(const PlatePoses& poses, const Touch& touch, double level_permille, const FemState& truth, double rated_mm) {
@@ -161,7 +161,7 @@ class Method {
  private:
   PoseStage stage_;
   TouchStage touch_;
-  Score score_;
+  MethodScore score_;
   std::vector<double> estimate_us_;  ///< corners to plates
 };
 
@@ -171,15 +171,15 @@ json run_preset(const Model& model, const FingerSpec& spec, const Lens& lens, co
   constexpr double kNoLevel = std::numeric_limits<double>::quiet_NaN();
   constexpr std::size_t kLevelRegister = 11, kStatusRegister = 0;
   const ImageQuality quality = image_preset(preset);
-  Renderer renderer(spec, lens, quality, kSeed);
+  Renderer renderer(spec, lens, quality, kVisionSeed);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, lens.width_px, SessionEvent::kNone);
   FrameLoop loop(model, lens, {.shape = {}, .runtime = {}, .fit = FitValues{}});
   MarkerStage markers(model, lens);
   Method joint(model, lens, PoseMethod::kJoint), alone(model, lens, PoseMethod::kPublished);
-  PoseFilter filter(kSmoothing_ms);
+  PoseFilter filter(kPoseSmoothing_ms);
   TouchStage smoothed_touch(model);
   smoothed_touch.use_tolerances(0, 0, 0);
-  Score smoothed_score;
+  MethodScore smoothed_score;
   std::vector<std::uint8_t> grey;
   std::size_t seen = 0;
   std::vector<double> cpu_ms;
@@ -245,9 +245,10 @@ void follow(FollowedPath& path, const Model& model, const FingerSpec& spec, cons
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const Lens& camera = spec.cameras[0];
   const ImageQuality quality = image_preset("lab");
-  const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed, path.kind), frames, kFramesPerSecond);
+  const auto states =
+      make_touch_path(spec, mesh, TouchPlan(spec, seconds, kVisionSeed, path.kind), frames, kFramesPerSecond);
   const SceneMaker scenes(states, kFramesPerSecond, quality.exposure_s, camera.width_px, SessionEvent::kNone);
-  Renderer renderer(spec, camera, quality, kSeed);
+  Renderer renderer(spec, camera, quality, kVisionSeed);
   MarkerStage markers(model, camera);
   PoseStage poses(model, camera);
   TouchStage touch(model);
@@ -309,7 +310,7 @@ json measure_vision(const Model& model, const FingerSpec& spec, const std::files
   const double seconds = quick ? 1.2 : 16;
   const int frames = static_cast<int>(seconds * kFramesPerSecond);
   const TetMesh mesh = make_mesh(spec);
-  const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kSeed), frames, kFramesPerSecond);
+  const auto states = make_touch_path(spec, mesh, TouchPlan(spec, seconds, kVisionSeed), frames, kFramesPerSecond);
   const std::size_t sizes = quick ? 1 : spec.cameras.size();  // the larger one first
   json vision;
   const std::vector<std::string> presets = {"lab", "factory", "worst"};
