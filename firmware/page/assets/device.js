@@ -198,10 +198,10 @@ export const isLive = () => device.link === "up" && device.frame && performance.
 /** Whether the picture's sharpness and brightness are from this moment. */
 export const hasPicture = () => device.link === "up" && performance.now() - device.picture.at < 3000;
 /**
- * Whether the registers are from this moment. Otherwise none of them has a value, but for those of the last frames: they come by
- * shared memory and count as live a moment longer than the program that wrote them.
+ * Whether the registers are from this moment. Otherwise none of them has a value, but for the measurements: they come with every
+ * frame, before the first registers and for a moment after the program that wrote them has stopped.
  */
-export const isKnown = () => !device.error && Boolean(device.registers?.words.measurements);
+export const isKnown = () => Boolean(device.registers?.words.diagnostics);
 
 // The device says something twice a second, and every 1.5 s where the measuring program hangs. Silence is counted in looks
 // that this page has taken, not in time: a browser that was busy for two seconds has events waiting for it.
