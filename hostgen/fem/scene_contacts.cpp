@@ -20,7 +20,7 @@ constexpr double kSlidingShare = 0.5;
 constexpr double kTurningShare = 0.75;
 constexpr double kWholeWidthShare = 0.5;  // of the lines: longer than the face is wide ...
 constexpr double kWholeWidths = 1.5;      // ... by so many times
-constexpr double kLevelShare = 0.6;       // of the lines: across the finger, but for some degrees
+constexpr double kLevelShare = 0.6;       // of the other lines: across the finger but for some degrees, as all of these
 constexpr double kLevel_rad = 0.3;
 constexpr std::array kPressures = {Pressure::kRound, Pressure::kEven, Pressure::kFlatEnd};
 constexpr double kShortestLine_mm = 4, kWidestLine_mm = 6;
@@ -53,7 +53,8 @@ FaceContact draw_contact(const FingerSpec& spec, const Scene& scene, const Eigen
     const bool whole = random.uniform() < kWholeWidthShare;
     contact.half_length_mm = 0.5 * (whole ? kWholeWidths * face_mm : random.uniform(kShortestLine_mm, face_mm));
     if (whole) contact.centre_mm.x() = 0;
-    const double steepest = random.uniform() < kLevelShare ? kLevel_rad : 0.5 * std::numbers::pi;
+    const bool level = random.uniform() < kLevelShare || whole;
+    const double steepest = level ? kLevel_rad : 0.5 * std::numbers::pi;
     contact.angle_rad = random.uniform(-steepest, steepest);
     contact.radius_mm = 0.5 * random.uniform(0, kWidestLine_mm);
     contact.pressure = random.uniform() < 0.5 ? Pressure::kRound : Pressure::kEven;

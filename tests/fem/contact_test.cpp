@@ -181,6 +181,7 @@ TEST_CASE("scene contacts: stay within the scene's numbers and are the same for 
         sliding += contact.friction.norm() > 0.9999 * scene.friction;
         turning += contact.follow == 1;
         lines += contact.half_length_mm > 0;
+        if (contact.half_length_mm > spec.half_width.at(contact.centre_mm.y())) CHECK(std::abs(contact.angle_rad) <= 0.3);
         if (contact.half_length_mm == 0) CHECK(contact.radius_mm <= scene.patch_radius_mm);
         const FaceContact other = vary(spec, scene, contact, 4, random);
         CHECK(other.friction.norm() <= 1.25 * scene.friction + 1e-12);
