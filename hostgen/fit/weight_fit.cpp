@@ -24,6 +24,7 @@ using Terms = Eigen::Matrix<double, kTerms, 1>;
 const Terms kAcrossPrior_mm(0.1, 0.15, 0.1, 0.1);
 const Terms kAlongPrior_mm(0.4, 0.4, 0.3, 0.4);
 constexpr double kAcrossRest_mm = 0.1, kAlongRest_mm = 0.1;
+constexpr double kAwayFromHoles_mm = 0.2;  // what a radius needs besides, to hold 68 % of the touches between the holes
 // Of the force, relative, beside the pack's tolerance in the middle of the face; and what remains.
 const Eigen::Vector3d kForceSlopePrior(0.02, 0.03, 0.03);
 constexpr double kForceRest = 0.02;
@@ -281,13 +282,14 @@ void fit_offsets(const FitBasis& basis, WeightFit& fit) {
     along.push_back(static_cast<double>(off_mm.dot(basis.face_axes.col(2))));
   }
   const double across_rest_mm = wider(fit) * kAcrossRest_mm, along_rest_mm = wider(fit) * kAlongRest_mm;
+  const double elsewhere_mm = wider(fit) * kAwayFromHoles_mm;
   const Polynomial x = polynomial(wider(fit) * kAcrossPrior_mm, across_rest_mm, terms, across),
                    y = polynomial(wider(fit) * kAlongPrior_mm, along_rest_mm, terms, along);
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.across_mm.data()) = x.mean.cast<float>();
   Eigen::Map<Eigen::Matrix<float, kTerms, 1>>(fit.values.along_mm.data()) = y.mean.cast<float>();
-  fit.values.touch_radius_mm =
-      static_cast<float>(std::sqrt(unknown_sq(basis, fit.values, x) + unknown_sq(basis, fit.values, y) +
-                                   across_rest_mm * across_rest_mm + along_rest_mm * along_rest_mm));
+  fit.values.touch_radius_mm = static_cast<float>(
+      std::sqrt(unknown_sq(basis, fit.values, x) + unknown_sq(basis, fit.values, y) + across_rest_mm * across_rest_mm +
+                along_rest_mm * along_rest_mm + elsewhere_mm * elsewhere_mm));
 }
 
 /// Each weight finds what the ones before have left in the finger, unless that has rested since.
