@@ -20,7 +20,7 @@ constexpr double kSlidingShare = 0.5;
 constexpr double kTurningShare = 0.75;
 constexpr double kWholeWidthShare = 0.5;  // of the lines: longer than the face is wide ...
 constexpr double kWholeWidths = 1.5;      // ... by so many times
-constexpr double kLevelShare = 0.6;       // of the other lines: across the finger but for some degrees, as all of these
+constexpr double kLevelShare = 0.6;       // of the other lines: across to within kLevel_rad, as all long ones
 constexpr double kLevel_rad = 0.3;
 constexpr std::array kPressures = {Pressure::kRound, Pressure::kEven, Pressure::kFlatEnd};
 constexpr double kShortestLine_mm = 4, kWidestLine_mm = 6;
