@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "firmware/input_error.h"
+#include "hostgen/accuracy/areas.h"
 #include "hostgen/commands/commands.h"
 #include "hostgen/report/areas.h"
 #include "hostgen/report/build_figures.h"

@@ -215,7 +215,7 @@ SECTIONS = {
                     "By plate motion.", ""),
                    ("touch.by_force", ["from_n", "touches", "rmse_n", "bias_n", "coverage_68"], "By force.", "")]},
     "scene": {
-        "title": "What a gripper brings", "area": "scene", "code": ["hostgen/report/scene_cases.h"],
+        "title": "What a gripper brings", "area": "scene", "code": ["hostgen/accuracy/scene_cases.h"],
         "text": "States that no training has seen, solved for each case and measured with the spec's noise by the whole firmware. A "
                 "touch that is off by more than three of its radii is one that a PLC would act on wrongly.",
         "notes": ["Pushed at the tip from above no plate moves by 2 mm: there is no touch to count."],

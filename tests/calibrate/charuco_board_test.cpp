@@ -14,6 +14,7 @@
 #include "hostgen/calibrate/grey_image.h"
 #include "tests/calibrate/board_painter.h"
 #include "tests/model/scratch_folder.h"
+#include "tests/random.h"
 
 using namespace finsight;
 using namespace finsight::host;

@@ -7,6 +7,7 @@
 #include "hostgen/calibrate/calibration_report.h"
 #include "tests/calibrate/board_painter.h"
 #include "tests/model/scratch_folder.h"
+#include "tests/random.h"
 
 using namespace finsight;
 using namespace finsight::host;

@@ -9,6 +9,7 @@
 #include <opencv2/objdetect/aruco_detector.hpp>
 #endif
 
+#include "firmware/vision/aruco_compat.h"
 #include "tests/vision/test_finger.h"
 
 using namespace finsight;

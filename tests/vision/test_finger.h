@@ -7,6 +7,7 @@
 #include "firmware/geometry/lens.h"
 #include "firmware/geometry/so3.h"
 #include "firmware/model/model.h"
+#include "tests/random.h"
 #include "tests/vision/marker_painter.h"
 
 namespace finsight::test {

@@ -1,4 +1,4 @@
-#include "hostgen/report/scene_cases.h"
+#include "hostgen/accuracy/scene_cases.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

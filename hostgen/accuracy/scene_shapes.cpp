@@ -1,4 +1,4 @@
-#include "hostgen/report/scene_shapes.h"
+#include "hostgen/accuracy/scene_shapes.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>

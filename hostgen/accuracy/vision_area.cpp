@@ -8,9 +8,9 @@
 
 #include "firmware/loop/frame_loop.h"
 #include "firmware/touch/touch_stage.h"
+#include "hostgen/accuracy/areas.h"
 #include "hostgen/render/scenes.h"
 #include "hostgen/render/touch_path.h"
-#include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
 #include "hostgen/util/gnuplot.h"
 #include "hostgen/util/statistics.h"

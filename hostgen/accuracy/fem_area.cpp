@@ -2,9 +2,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "hostgen/accuracy/areas.h"
 #include "hostgen/fem/calculix.h"
 #include "hostgen/fem/statics.h"
-#include "hostgen/report/areas.h"
 
 namespace finsight::host {
 

@@ -6,11 +6,11 @@
 #include "firmware/calibrate/mount_estimate.h"
 #include "firmware/input_error.h"
 #include "firmware/loop/frame_loop.h"
+#include "hostgen/accuracy/areas.h"
+#include "hostgen/accuracy/scene_cases.h"
 #include "hostgen/finger/grid.h"
 #include "hostgen/render/scenes.h"
 #include "hostgen/render/touch_path.h"
-#include "hostgen/report/areas.h"
-#include "hostgen/report/scene_cases.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {

@@ -1,10 +1,10 @@
 // Area real: networks on the recordings of a real finger.
 #include <nlohmann/json.hpp>
 
+#include "hostgen/accuracy/areas.h"
 #include "hostgen/recordings/audit.h"
 #include "hostgen/recordings/pen_distance.h"
 #include "hostgen/recordings/recording_training.h"
-#include "hostgen/report/areas.h"
 
 namespace finsight::host {
 

@@ -1,4 +1,4 @@
-#include "hostgen/report/touch_map.h"
+#include "hostgen/accuracy/touch_map.h"
 
 #include <map>
 #include <nlohmann/json.hpp>

@@ -6,9 +6,9 @@
 
 #include "firmware/vision/edge_corners.h"
 #include "firmware/vision/ippe.h"
+#include "hostgen/accuracy/areas.h"
 #include "hostgen/finger/plate_motion.h"
 #include "hostgen/render/renderer.h"
-#include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {

@@ -5,9 +5,9 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "hostgen/accuracy/areas.h"
 #include "hostgen/fem/contact_forces.h"
 #include "hostgen/learn/touch_samples.h"
-#include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
 
 namespace finsight::host {

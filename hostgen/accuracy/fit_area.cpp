@@ -7,11 +7,11 @@
 #include <nlohmann/json.hpp>
 
 #include "firmware/input_error.h"
+#include "hostgen/accuracy/areas.h"
 #include "hostgen/finger/plate_geometry.h"
 #include "hostgen/fit/pressed_place.h"
 #include "hostgen/fit/virtual_device.h"
 #include "hostgen/fit/weight_fit.h"
-#include "hostgen/report/areas.h"
 #include "hostgen/util/common.h"
 #include "hostgen/util/gnuplot.h"
 #include "hostgen/util/statistics.h"

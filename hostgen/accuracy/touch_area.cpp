@@ -1,10 +1,10 @@
 // Area touch: what the build measured, the paper's table 2, shapes at the touched point, errors over the face.
 #include <nlohmann/json.hpp>
 
+#include "hostgen/accuracy/areas.h"
+#include "hostgen/accuracy/touch_map.h"
 #include "hostgen/learn/shape_at_touch.h"
 #include "hostgen/learn/touch_comparison.h"
-#include "hostgen/report/areas.h"
-#include "hostgen/report/touch_map.h"
 
 namespace finsight::host {
 

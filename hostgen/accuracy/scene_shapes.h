@@ -5,7 +5,7 @@
 
 #include "firmware/model/model.h"
 #include "hostgen/finger/spec.h"
-#include "hostgen/report/scene_cases.h"
+#include "hostgen/accuracy/scene_cases.h"
 
 namespace finsight::host {
 
