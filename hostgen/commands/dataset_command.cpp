@@ -17,6 +17,7 @@ namespace {
 struct DatasetOptions {
   std::filesystem::path spec, output;
   std::string shard, scene, size = "default";
+  bool only_scene = false;
   DatasetPlan plan;
 };
 
@@ -41,7 +42,8 @@ void print_summary(const std::filesystem::path& file, const FemDataset& dataset)
 
 void run(const DatasetOptions& options) {
   const FingerSpec spec = read_finger_spec(options.spec);
-  const Shard shard = options.shard.empty() ? Shard{} : parse_shard(options.shard);
+  Shard shard = options.shard.empty() ? Shard{} : parse_shard(options.shard);
+  shard.only_scene = options.only_scene;
   if (shard.count > options.plan.points) {
     throw InputError("command line", "--shard", options.shard, "at most one shard per point");
   }
@@ -85,6 +87,9 @@ void add_dataset_command(CLI::App& app) {
   command->add_option("--scene", options->scene,
                       "which contacts: probe, grasp, two or another of the spec's scenes "
                       "(default: the one that the spec's touch.scene names)");
+  command->add_flag("--only-scene", options->only_scene,
+                    "only touches of the scene: a quarter of the work, but no pack can be trained from them, since it "
+                    "must tell other contacts from touches");
   command->add_option("--shard", options->shard,
                       "i/n: only the i-th of n equal parts; hostgen merge puts them together");
   command->callback([options] { run(*options); });

@@ -265,7 +265,8 @@ FemDataset make_dataset(const FingerSpec& spec, const TetMesh& mesh, const Datas
   const std::vector<LoadPath> loads = load_paths(spec, plan);
   std::vector<std::size_t> indices;
   const auto first = static_cast<std::size_t>(shard.index), stride = static_cast<std::size_t>(shard.count);
-  for (std::size_t i = first; i < loads.size(); i += stride) indices.push_back(i);
+  const std::size_t end = shard.only_scene ? static_cast<std::size_t>(plan.points) : loads.size();
+  for (std::size_t i = first; i < end; i += stride) indices.push_back(i);
   const auto finger = std::make_shared<const PushedFinger>(spec, mesh);
   std::vector<FemDataset> paths(indices.size(), empty);
   {

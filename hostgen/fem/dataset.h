@@ -107,9 +107,11 @@ struct FemDataset {
 /// Those of the plan's scene, then the others', then those that are kept.
 std::vector<FemState> all_states(const FemDataset& dataset);
 
-/// Shard `index` (from 0) of `count` holds the paths index, index + count, ...
+/// Shard `index` (from 0) of `count` holds the paths index, index + count, ...; with `only_scene` those of the plan's
+/// scene, from which no pack can be trained.
 struct Shard {
   int index = 0, count = 1;
+  bool only_scene = false;
 };
 
 /// Walks the load paths of a shard on all cores, with progress. Deterministic whatever the number of cores or shards.

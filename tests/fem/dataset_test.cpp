@@ -216,6 +216,24 @@ TEST_CASE("dataset: shards in any order make the same bytes as one run") {
         }).find("path 0 of 36 is missing") != std::string::npos);
 }
 
+TEST_CASE("dataset: touches of the scene alone are those of the whole set, and no training set") {
+  const test::ScratchFolder folder;
+  const FemDataset whole = small_dataset();
+  write_dataset(folder / "touches", small_dataset({.only_scene = true}));
+  const FemDataset touches = read_dataset(folder / "touches");
+  REQUIRE(touches.states.size() == whole.states.size());
+  for (std::size_t i = 0; i < whole.states.size(); ++i) {
+    CHECK(touches.states[i].path == whole.states[i].path);
+    CHECK(touches.states[i].contact_mm == whole.states[i].contact_mm);
+  }
+  CHECK(touches.node_displacement_mm == whole.node_displacement_mm);
+  CHECK(touches.others.empty());
+  CHECK(touches.kept.empty());
+  CHECK(refusal([&] {
+          check_complete(touches, test::small_finger_spec(), test::small_finger_mesh(), "t");
+        }).find("path 4 of 36 is missing") != std::string::npos);
+}
+
 TEST_CASE("dataset: what cannot be merged is refused with the file and the reason") {
   const test::ScratchFolder folder;
   const auto a = folder / "a", b = folder / "b", other = folder / "other";

@@ -7,6 +7,7 @@
 #include "firmware/ports/session.h"
 #include "firmware/settings/atomic_file.h"
 #include "tests/calibrate/board_painter.h"
+#include "tests/random.h"
 
 using namespace finsight;
 

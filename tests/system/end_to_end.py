@@ -6,6 +6,7 @@ usage: end_to_end.py BINARY_DIR SOURCE_DIR [unittest arguments]
 import csv
 import math
 import os
+import shutil
 import signal
 import socket
 import struct
@@ -255,7 +256,8 @@ class Hostgen(unittest.TestCase):
         packs = []
         for name, cores in (("one", "0"), ("two", "0,1")):
             path = WORK / f"{name}.safetensors"
-            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--scene", "probe", "--size", "coarse", "--points", "16",
+            shutil.rmtree(f"{path}.paths", ignore_errors=True)  # of a run that broke off
+            command = [BINARIES / "hostgen", "build", SPEC, "-o", path, "--scene", "probe", "--size", "coarse", "--points", "12",
                        "--forces", "3", "--training-steps", "200"]
             if len(os.sched_getaffinity(0)) > 1:
                 command = ["taskset", "-c", cores] + command

@@ -40,7 +40,7 @@ def states(name, pack, spec, mesh):
     if not file.exists() or file.stat().st_mtime < pack.stat().st_mtime:
         file.unlink(missing_ok=True)
         subprocess.run([BINARIES / "hostgen", "dataset", spec, "--scene", "probe", "--size", mesh, "-o", file, "--points", "48",
-                        "--forces", "6"], check=True)
+                        "--forces", "6", "--only-scene"], check=True)
     return file
 
 
