@@ -15,7 +15,7 @@ class GravityCorrection {
  public:
   /// Left over where it is known, in g: two degrees of the arm's own error; and what bends the finger so far that the
   /// pack does not tell it, which grows with the square. `scripts/report scene` shows whether radii then hold.
-  static constexpr float kKnown_g = 0.03F, kUntold_per_g = 0.015F;
+  static constexpr float kKnown_g = 0.03F, kUntold_per_g = 0.04F;
   /// Where it is not known: two random directions differ by 0.82 g along each axis, opposite ones by 1.15 g.
   static constexpr float kUnknown_g = kMaxUnknown_g;
 

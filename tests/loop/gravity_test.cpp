@@ -43,7 +43,7 @@ TEST_CASE("gravity: what a turn since the zero bends is taken out") {
   gravity.set_at_zero(gravity.felt());
   gravity.set_felt(kLevel);
   PlatePoses poses;
-  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.015));
+  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.04));
   // Of plate 1, numbers 6 to 11: z adds i + 200, the lost -y adds i + 100.
   CHECK(poses.plates[1].displacement_mm == Vec3f(-312, -314, -316));
   CHECK(poses.plates[1].rotation_rad == Vec3f(-318, -320, -322));
@@ -54,14 +54,14 @@ TEST_CASE("gravity: what is left grows with the square of the acceleration") {
   gravity.set_at_zero(kUp);
   PlatePoses poses;
   gravity.set_felt(Vec3f(3 * kUp));
-  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.015 * 9));
+  CHECK(gravity.apply(true, poses) == doctest::Approx(0.03 + 0.04 * 9));
 }
 
 TEST_CASE("gravity: without a zero the whole weight is taken out, as the model's rest is without any") {
   GravityCorrection gravity = correction();
   gravity.set_felt(kLevel);
   PlatePoses poses;
-  CHECK(gravity.apply(false, poses) == doctest::Approx(0.045));
+  CHECK(gravity.apply(false, poses) == doctest::Approx(0.03 + 0.04));
   CHECK(poses.plates[0].displacement_mm == Vec3f(-200, -201, -202));
 }
 
@@ -84,7 +84,7 @@ TEST_CASE("gravity: a finger that never turns needs nothing but its zero") {
   CHECK(poses.plates[0].displacement_mm == Vec3f::Zero());
   gravity.set_felt(std::nullopt);  // no client changes that
   gravity.set_at_zero(std::nullopt);
-  CHECK(gravity.apply(false, poses) == doctest::Approx(0.015));
+  CHECK(gravity.apply(false, poses) == doctest::Approx(0.04));
   CHECK(poses.plates[0].displacement_mm == Vec3f(100, 101, 102));
 }
 
