@@ -304,6 +304,8 @@ class Hostgen(unittest.TestCase):
         self.assertEqual(run(BINARIES / "hostgen", "nonsense").returncode, 2)
         self.assertEqual(run(BINARIES / "hostgen", "mesh", "/no/such.toml", "-o", "/tmp/x.vtu").returncode, 2)
         self.assertEqual(run(BINARIES / "hostgen", "--help").returncode, 0)
+        parts_of_a_part = ("dataset", SPEC, "-o", WORK / "part.safetensors", "--only-scene", "--shard", "1/2")
+        self.assertIn("excludes", run(BINARIES / "hostgen", *parts_of_a_part).stderr)
 
     def test_a_known_sensor_takes_no_numbers_of_a_custom_one(self):
         camera = ("camera", SPEC, "--lens", 2.2, "--sensor")
