@@ -139,6 +139,25 @@ bool has_contact_map(const SafetensorsFile& file) {
   return std::any_of(std::begin(parts), std::end(parts), [&](const char* name) { return file.has(name); });
 }
 
+DenseFloat read_layer(PackReader& pack, const tensor::LayerNames& names, std::int64_t inputs, std::int64_t outputs) {
+  return {static_cast<int>(inputs), static_cast<int>(outputs), pack.tensor<float>(names.weights, {outputs, inputs}),
+          pack.tensor<float>(names.bias, {outputs})};
+}
+
+void read_layers(PackReader& pack, TouchModel& touch) {
+  std::int64_t inputs = pack.length(tensor::kTouchFirst.bias, 0, 1, kMaxWidth);
+  touch.first = read_layer(pack, tensor::kTouchFirst, TouchModel::kInputs, inputs);
+  for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+    const std::int64_t outputs = pack.length(tensor::kTouchBias[i], 0, 1, kMaxWidth);
+    touch.middle[i] = {static_cast<int>(inputs), static_cast<int>(outputs),
+                       pack.tensor<std::int8_t>(tensor::kTouchWeights[i], {outputs, inputs}),
+                       pack.tensor<float>(tensor::kTouchWeightScale[i], {outputs}),
+                       pack.tensor<float>(tensor::kTouchBias[i], {outputs})};
+    inputs = outputs;
+  }
+  touch.last = read_layer(pack, tensor::kTouchLast, inputs, TouchModel::kOutputs);
+}
+
 TouchModel read_touch(PackReader& pack) {
   TouchModel touch;
   touch.scale = pack.tensor<float>(tensor::kTouchScale, {kPoseDims});
@@ -156,18 +175,7 @@ TouchModel read_touch(PackReader& pack) {
   touch.face_axes = pack.tensor<float>(tensor::kTouchFaceAxes, {3, 3});
   touch.per_g = pack.tensor<float>(tensor::kTouchPerG, {kPoseDims, 3});
   touch.per_g_change = pack.tensor<float>(tensor::kTouchPerGChange, {kPoseDims, 3, kBentFeatures});
-  std::int64_t inputs = TouchModel::kInputs;
-  for (std::size_t i = 0; i < touch.layers.size(); ++i) {
-    const bool last = i + 1 == touch.layers.size();
-    const std::int64_t outputs = last ? TouchModel::kOutputs : pack.length(tensor::kTouchBias[i], 0, 1, kMaxWidth);
-    DenseInt8& layer = touch.layers[i];
-    layer.inputs = static_cast<int>(inputs);
-    layer.outputs = static_cast<int>(outputs);
-    layer.weights = pack.tensor<std::int8_t>(tensor::kTouchWeights[i], {outputs, inputs});
-    layer.scale = pack.tensor<float>(tensor::kTouchWeightScale[i], {outputs});
-    layer.bias = pack.tensor<float>(tensor::kTouchBias[i], {outputs});
-    inputs = outputs;
-  }
+  read_layers(pack, touch);
   touch.threshold_mm = pack.number<float>(meta::kThreshold, 0.01f, 50);
   touch.range_mm = pack.number<float>(meta::kRange, touch.threshold_mm, 1000);
   touch.explained_above = pack.number<float>(meta::kExplainedAbove, -1e6F, 1e6F);
@@ -264,8 +272,8 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   check_face_axes(file, model.touch.face_axes);
   check_range(file, tensor::kTouchPerG, model.touch.per_g, -kLargestPerG, kLargestPerG);
   check_range(file, tensor::kTouchPerGChange, model.touch.per_g_change, -kLargestPerGChange, kLargestPerGChange);
-  for (std::size_t i = 0; i < model.touch.layers.size(); ++i) {
-    check_range(file, tensor::kTouchWeightScale[i], model.touch.layers[i].scale, 0, kLargestScale);
+  for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+    check_range(file, tensor::kTouchWeightScale[i], model.touch.middle[i].scale, 0, kLargestScale);
   }
 }
 

@@ -49,7 +49,14 @@ struct ShapeMapModel {
   explicit operator bool() const { return rank > 0; }
 };
 
-/// One layer of the touch network: y = scale .* (weights x) + bias; int8 weights with one scale per output.
+/// A layer of the touch network as it was trained: y = weights x + bias.
+struct DenseFloat {
+  int inputs = 0, outputs = 0;
+  std::span<const float> weights;  ///< [outputs, inputs]
+  std::span<const float> bias;     ///< [outputs]
+};
+
+/// One that is rounded: y = scale .* (weights x) + bias; int8 weights with one scale per output.
 struct DenseInt8 {
   int inputs = 0, outputs = 0;
   std::span<const std::int8_t> weights;  ///< [outputs, inputs]
@@ -82,7 +89,11 @@ struct TouchModel {
   std::span<const float> radius_output;  ///< [kRadiusHidden + 1] weights, then the bias
   /// [kSeenPatterns] factors of that radius where only some plates are seen, at seen_index(); the last is 1.
   std::span<const float> seen_factor;
-  std::array<DenseInt8, 3> layers;  ///< 23 -> 512 -> 512 -> 22, algebraic_silu() between
+  /// 23 -> 256 -> 256 -> 256 -> 256 -> 22, algebraic_silu() between. The first and the last layer hold 6 % of the
+  /// weights; rounded, they would cause nearly all of the error of rounding.
+  static constexpr std::size_t kRounded = 3;
+  DenseFloat first, last;
+  std::array<DenseInt8, kRounded> middle;
   std::span<const float>
       face_axes;              ///< [3, 3] unit vectors in the finger frame: the face's inward normal, across, along
   float threshold_mm = 0;     ///< plate motion below which a touch is invalid
@@ -192,10 +203,16 @@ inline constexpr const char* kTouchSeenFactor = "touch.seen_factor";
 inline constexpr const char* kTouchFaceAxes = "touch.face_axes";              // [3, 3]
 inline constexpr const char* kTouchPerG = "touch.motion_per_g";               // [kPoseDims, 3]
 inline constexpr const char* kTouchPerGChange = "touch.motion_per_g_change";  // [kPoseDims, 3, kBentFeatures]
-inline constexpr const char* kTouchWeights[3] = {"touch.weights0", "touch.weights1", "touch.weights2"};
-inline constexpr const char* kTouchWeightScale[3] = {"touch.weight_scale0", "touch.weight_scale1",
-                                                     "touch.weight_scale2"};
-inline constexpr const char* kTouchBias[3] = {"touch.bias0", "touch.bias1", "touch.bias2"};
+/// The tensors of a layer that is not rounded.
+struct LayerNames {
+  const char *weights, *bias;
+};
+inline constexpr LayerNames kTouchFirst = {"touch.first_weights", "touch.first_bias"};
+inline constexpr LayerNames kTouchLast = {"touch.last_weights", "touch.last_bias"};
+inline constexpr const char* kTouchWeights[] = {"touch.weights1", "touch.weights2", "touch.weights3"};
+inline constexpr const char* kTouchWeightScale[] = {"touch.weight_scale1", "touch.weight_scale2",
+                                                    "touch.weight_scale3"};
+inline constexpr const char* kTouchBias[] = {"touch.bias1", "touch.bias2", "touch.bias3"};
 inline constexpr const char* kPriorMean = "prior.mean";
 inline constexpr const char* kPriorCovariance = "prior.covariance";
 inline constexpr const char* kPriorNoise = "prior.noise";
@@ -213,7 +230,7 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "7";
+inline constexpr const char* kFormatVersion = "8";
 inline constexpr const char* kFinger = "finger";
 inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";

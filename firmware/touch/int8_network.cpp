@@ -25,31 +25,48 @@ float sum_of(const FloatLanes& lanes) {
   return fold(fold(fold(fold(lanes, eight), four), two), one);
 }
 
+FloatLanes load(const float* x) {
+  FloatLanes lanes;
+  std::memcpy(&lanes, x, sizeof lanes);
+  return lanes;
+}
+
+FloatLanes load(const std::int8_t* weights) {
+  Int8Lanes lanes;
+  std::memcpy(&lanes, weights, sizeof lanes);
+  // GCC converts number by number where the width changes by more than a factor of two.
+  const Int32Lanes wide = __builtin_convertvector(__builtin_convertvector(lanes, Int16Lanes), Int32Lanes);
+  return __builtin_convertvector(wide, FloatLanes);
+}
+
 // The compiler cuts these vectors to the width that the processor has; lane l always sums inputs l, l + 16, l + 32 ...
-float dot(const std::int8_t* weights, const float* x, std::size_t count) {
+template <class Weight>
+float dot(const Weight* weights, const float* x, std::size_t count) {
   FloatLanes sums{};
   std::size_t i = 0;
-  for (; i + kLanes <= count; i += kLanes) {
-    Int8Lanes w;
-    FloatLanes v;
-    std::memcpy(&w, weights + i, sizeof w);
-    std::memcpy(&v, x + i, sizeof v);
-    // GCC converts number by number where the width changes by more than a factor of two.
-    const Int32Lanes wide = __builtin_convertvector(__builtin_convertvector(w, Int16Lanes), Int32Lanes);
-    sums += __builtin_convertvector(wide, FloatLanes) * v;
-  }
+  for (; i + kLanes <= count; i += kLanes) sums += load(weights + i) * load(x + i);
   for (std::size_t lane = 0; i < count; ++i, ++lane) sums[lane] += static_cast<float>(weights[i]) * x[i];
   return sum_of(sums);
 }
 
 }  // namespace
 
-void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y, bool is_hidden) {
+void forward(const DenseFloat& layer, std::span<const float> x, std::span<float> y) {
   const auto inputs = static_cast<std::size_t>(layer.inputs);
   for (std::size_t o = 0; o < y.size(); ++o) {
-    const float sum = layer.scale[o] * dot(layer.weights.data() + o * inputs, x.data(), inputs) + layer.bias[o];
-    y[o] = is_hidden ? algebraic_silu(sum) : sum;
+    y[o] = dot(layer.weights.data() + o * inputs, x.data(), inputs) + layer.bias[o];
   }
+}
+
+void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y) {
+  const auto inputs = static_cast<std::size_t>(layer.inputs);
+  for (std::size_t o = 0; o < y.size(); ++o) {
+    y[o] = layer.scale[o] * dot(layer.weights.data() + o * inputs, x.data(), inputs) + layer.bias[o];
+  }
+}
+
+void activate(std::span<float> sums) {
+  for (float& sum : sums) sum = algebraic_silu(sum);
 }
 
 }  // namespace finsight

@@ -1,4 +1,4 @@
-// The layers of the touch network: int8 weights, float activations.
+// The layers of the touch network: most of int8 weights, all of float activations.
 #pragma once
 
 #include <cmath>
@@ -15,9 +15,13 @@ inline float log_float(float x) { return static_cast<float>(std::log(static_cast
 /// rounded operations only, so that every processor gives the same floats.
 inline float algebraic_silu(float x) { return 0.5F * x * (1 + x / std::sqrt(1 + x * x)); }
 
-/// y = scale .* (weights x) + bias, of a hidden layer algebraic_silu() of that. x: [layer.inputs], y: [layer.outputs],
-/// not overlapping. Always adds in the same order (16 partial sums, then a fixed tree), so that x86-64 and ARM give the
-/// same floats.
-void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y, bool is_hidden);
+/// y = weights x + bias. x: [layer.inputs], y: [layer.outputs], not overlapping. Always adds in the same order (16
+/// partial sums, then a fixed tree), so that x86-64 and ARM give the same floats.
+void forward(const DenseFloat& layer, std::span<const float> x, std::span<float> y);
+/// y = scale .* (weights x) + bias, in that order, too.
+void forward(const DenseInt8& layer, std::span<const float> x, std::span<float> y);
+
+/// algebraic_silu() of every sum.
+void activate(std::span<float> sums);
 
 }  // namespace finsight

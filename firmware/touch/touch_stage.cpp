@@ -49,9 +49,13 @@ TouchStage::TouchStage(const Model& model) : TouchStage(model.touch) {
 }
 
 TouchStage::TouchStage(const TouchModel& model, float largest_told) : model_(model), largest_told_(largest_told) {
-  assert(model.layers[0].inputs == TouchModel::kInputs && model.layers[2].outputs == TouchModel::kOutputs);
-  assert(model.layers[1].inputs == model.layers[0].outputs && model.layers[2].inputs == model.layers[1].outputs);
-  for (std::size_t i = 0; i < 2; ++i) hidden_[i].resize(static_cast<std::size_t>(model.layers[i].outputs));
+  assert(model.first.inputs == TouchModel::kInputs && model.last.outputs == TouchModel::kOutputs);
+  hidden_[0].resize(static_cast<std::size_t>(model.first.outputs));
+  for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+    assert(model.middle[i].inputs == static_cast<int>(hidden_[i].size()));
+    hidden_[i + 1].resize(static_cast<std::size_t>(model.middle[i].outputs));
+  }
+  assert(model.last.inputs == static_cast<int>(hidden_.back().size()));
 }
 
 Touch TouchStage::locate(const PlatePoses& poses, const PoseVector& motion, const Doubt& doubt) {
@@ -136,9 +140,13 @@ TouchStage::Trust TouchStage::trust_in(const PlatePoses& poses, float plate_moti
 const TouchStage::Outputs& TouchStage::run_network(const Trust& trust, const PoseVector& motion) {
   std::array<float, TouchModel::kInputs> inputs;
   touch_features(model_, motion, trust.noise, trust.unknown_g, inputs);
-  forward(model_.layers[0], inputs, hidden_[0], true);
-  forward(model_.layers[1], hidden_[0], hidden_[1], true);
-  forward(model_.layers[2], hidden_[1], outputs_, false);
+  forward(model_.first, inputs, hidden_[0]);
+  activate(hidden_[0]);
+  for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+    forward(model_.middle[i], hidden_[i], hidden_[i + 1]);
+    activate(hidden_[i + 1]);
+  }
+  forward(model_.last, hidden_.back(), outputs_);
   for (std::size_t i = 0; i < outputs_.size(); ++i) {
     outputs_[i] = model_.output_mean[i] + model_.output_scale[i] * outputs_[i];
   }

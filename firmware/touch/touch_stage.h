@@ -83,7 +83,7 @@ class TouchStage {
   float largest_told_;
   float less_likely_ = 0;         // see explain_less_likely()
   Eigen::AlignedBox3f face_mm_;   ///< of the front face at rest; empty if not known
-  std::vector<float> hidden_[2];  // workspace: the hidden layers' activations
+  std::array<std::vector<float>, TouchModel::kRounded + 1> hidden_;  // workspace: the hidden layers' activations
   Outputs outputs_{};
 };
 

@@ -145,6 +145,13 @@ std::vector<Scene> common_others(const DatasetPlan& plan) {
   return scenes;
 }
 
+/// The points of a plan that those of its other scenes and of its kept touches are counted by: beyond kMost, more
+/// points of its own scene tell a network more, while more of what it only tells apart or is calibrated on do not.
+int counted_points(const DatasetPlan& plan) {
+  constexpr int kMost = 700;
+  return std::min(plan.points, kMost);
+}
+
 /// Points of each of them, relative to those of the plan's scene. Most of two pushes are hard to tell from one, and the
 /// more of them are learnt the more are found; a push elsewhere than on the face is told from few.
 std::vector<int> points_of_others(const DatasetPlan& plan) {
@@ -154,7 +161,7 @@ std::vector<int> points_of_others(const DatasetPlan& plan) {
   for (const Scene& scene : others) {
     const double share = scene.elsewhere ? kElsewhere : kOnFace;
     const auto alike = static_cast<double>(std::ranges::count(others, scene.elsewhere, &Scene::elsewhere));
-    points.push_back(std::max(1, static_cast<int>(std::lround(share * plan.points / alike))));
+    points.push_back(std::max(1, static_cast<int>(std::lround(share * counted_points(plan) / alike))));
   }
   return points;
 }
@@ -162,7 +169,7 @@ std::vector<int> points_of_others(const DatasetPlan& plan) {
 /// Of a kind that is kept from learning; more where its touches differ more: of any of the scene, or of another scene.
 int kept_points(const DatasetPlan& plan, int kind) {
   constexpr int kPlanPoints = 10, kMorePoints = 4;  // one in as many; times as many
-  const int points = (plan.points + kPlanPoints - 1) / kPlanPoints;
+  const int points = (counted_points(plan) + kPlanPoints - 1) / kPlanPoints;
   return kind < kAnyTouch ? points : kMorePoints * points;
 }
 

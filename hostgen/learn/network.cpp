@@ -80,7 +80,9 @@ void Adam::step(Network& network, float rate) {
   const auto update = [&](auto parameter, auto mean, auto square, auto gradient) {
     mean = kMeanDecay * mean + (1.0f - kMeanDecay) * gradient + kFloor;
     square = kSquareDecay * square + (1.0f - kSquareDecay) * gradient.square() + kFloor;
-    parameter -= rate * mean_scale * mean / ((square_scale * square).sqrt() + kEpsilon);
+    const float excess = std::sqrt((gradient.square() / (square_scale * square).max(kEpsilon * kEpsilon)).mean());
+    const float step = rate * mean_scale / std::max(1.0f, excess);
+    parameter -= step * mean / ((square_scale * square).sqrt() + kEpsilon);
   };
   for (std::size_t l = 0; l < mean_.size(); ++l) {
     Network::Layer& layer = network.layers()[l];

@@ -45,7 +45,9 @@ class Network {
 /// Applies the activation to a layer's sums; `derivative`, unless null, gets its derivative there.
 void activate(Activation activation, Eigen::MatrixXf& sums, Eigen::MatrixXf* derivative = nullptr);
 
-/// Adam (Kingma & Ba 2015) with its usual constants 0.9, 0.999, 1e-8.
+/// Adam (Kingma & Ba 2015) with its usual constants 0.9, 0.999, 1e-8. A step is as much smaller as the gradient of a
+/// layer exceeds what came before (Wortsman et al. 2023, arXiv 2304.13013): one odd batch cannot throw a deep network
+/// off its course.
 class Adam {
  public:
   explicit Adam(const Network& network);

@@ -42,24 +42,34 @@ RoundedLayer round_layer(const Eigen::MatrixXf& weights, const Eigen::MatrixXf& 
   return rounded;
 }
 
+std::vector<float> row_major(const Eigen::MatrixXf& weights) {
+  std::vector<float> numbers;
+  for (Eigen::Index o = 0; o < weights.rows(); ++o) {
+    for (Eigen::Index i = 0; i < weights.cols(); ++i) numbers.push_back(weights(o, i));
+  }
+  return numbers;
+}
+
 }  // namespace
 
 void quantise(TouchNetwork& trained) {
-  Eigen::MatrixXf exact = trained.sample_inputs, seen = exact;  // inputs of the float layer and of the rounded one
-  for (std::size_t l = 0; l < 3; ++l) {
-    const Network::Layer& layer = trained.network.layers()[l];
+  TouchModelData& model = trained.model;
+  const Network::Layer &first = trained.network.layers().front(), &last = trained.network.layers().back();
+  model.first_weights = row_major(first.weights);
+  model.first_bias.assign(first.bias.begin(), first.bias.end());
+  Eigen::MatrixXf exact = (first.weights * trained.sample_inputs).colwise() + first.bias;
+  activate(Activation::kAlgebraicSilu, exact);
+  Eigen::MatrixXf seen = exact;  // what reaches the float layer and the rounded one
+  for (std::size_t l = 0; l < TouchModel::kRounded; ++l) {
+    const Network::Layer& layer = trained.network.layers()[l + 1];
     const RoundedLayer rounded = round_layer(layer.weights, seen);
     const Eigen::MatrixXf exact_sums = layer.weights * exact;
     const Eigen::MatrixXf sums = rounded.scale.asDiagonal() * (rounded.weights * seen);
     const Eigen::VectorXf bias = layer.bias + (exact_sums - sums).rowwise().mean();
 
-    TouchModelData& model = trained.model;
-    model.weights[l].clear();
-    for (Eigen::Index o = 0; o < rounded.weights.rows(); ++o) {
-      for (Eigen::Index i = 0; i < rounded.weights.cols(); ++i) {
-        model.weights[l].push_back(static_cast<std::int8_t>(rounded.weights(o, i)));
-      }
-    }
+    const std::vector<float> whole = row_major(rounded.weights);
+    model.weights[l].assign(whole.size(), 0);
+    std::ranges::transform(whole, model.weights[l].begin(), [](float w) { return static_cast<std::int8_t>(w); });
     model.weight_scale[l].assign(rounded.scale.begin(), rounded.scale.end());
     model.bias[l].assign(bias.begin(), bias.end());
     exact = exact_sums.colwise() + layer.bias;
@@ -67,6 +77,9 @@ void quantise(TouchNetwork& trained) {
     activate(Activation::kAlgebraicSilu, exact);
     activate(Activation::kAlgebraicSilu, seen);
   }
+  model.last_weights = row_major(last.weights);
+  const Eigen::VectorXf bias = last.bias + last.weights * (exact - seen).rowwise().mean();
+  model.last_bias.assign(bias.begin(), bias.end());
 }
 
 }  // namespace finsight::host

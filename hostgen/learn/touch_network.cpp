@@ -16,7 +16,7 @@ constexpr int kMeans = TouchModel::kMeans, kLogOdds = TouchModel::kOutputs - 1;
 constexpr int kExplainedTarget = kMeans, kLocatedTarget = kMeans + 1;
 constexpr std::array<int, 9> kWithSigma = {0, 1, 2, 6, 7, 8, 9, 10, 11};  // with a log-sigma, at output kMeans + index
 constexpr float kPeakRate = 2e-3f;
-constexpr std::array<int, 4> kWidths = {TouchModel::kInputs, 512, 512, TouchModel::kOutputs};
+constexpr std::array kWidths = {TouchModel::kInputs, 256, 256, 256, 256, TouchModel::kOutputs};
 
 // Mean and standard deviation of every row; a row that does not vary is not scaled.
 void statistics(const Eigen::MatrixXf& rows, std::vector<float>& mean, std::vector<float>& sigma) {
@@ -149,7 +149,9 @@ TouchModel TouchModelData::view() const {
                    .radius_hidden = radius_hidden,
                    .radius_output = radius_output,
                    .seen_factor = seen_factor,
-                   .layers = {},
+                   .first = {widths[0], widths[1], first_weights, first_bias},
+                   .last = {widths[widths.size() - 2], widths.back(), last_weights, last_bias},
+                   .middle = {},
                    .face_axes = face_axes,
                    .threshold_mm = threshold_mm,
                    .range_mm = range_mm,
@@ -162,8 +164,8 @@ TouchModel TouchModelData::view() const {
                    .marker_tolerance_rad = marker_tolerance_rad,
                    .touch_tolerance_mm = touch_tolerance_mm,
                    .noise_per_mm = noise_per_mm};
-  for (std::size_t l = 0; l < 3; ++l) {
-    model.layers[l] = {widths[l], widths[l + 1], weights[l], weight_scale[l], bias[l]};
+  for (std::size_t l = 0; l < TouchModel::kRounded; ++l) {
+    model.middle[l] = {widths[l + 1], widths[l + 2], weights[l], weight_scale[l], bias[l]};
   }
   return model;
 }

@@ -42,8 +42,8 @@ inline constexpr int kTouchTargets = TouchModel::kMeans + 2;
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient);
 
-/// Rounds the weights to int8 with one scale per output channel (largest weight = 127) into `trained.model`,
-/// changing the outputs for `trained.sample_inputs` as little as possible.
+/// Rounds the weights of all layers but the first and the last to int8, with one scale per output channel (largest
+/// weight = 127), into `trained.model`, changing the outputs for `trained.sample_inputs` as little as possible.
 void quantise(TouchNetwork& trained);
 
 /// The float network's numbers in physical units, for one pose, the noise of its plates (network_noise()) and what is

@@ -35,9 +35,10 @@ struct TouchModelData {
   std::vector<float> face_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   std::vector<float> per_g = std::vector<float>(3 * kPoseDims, 0.0F);
   std::vector<float> per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.0F);
-  std::array<std::vector<std::int8_t>, 3> weights;
-  std::array<std::vector<float>, 3> weight_scale, bias;
-  std::array<int, 4> widths{};  ///< inputs, hidden, hidden, outputs
+  std::array<int, TouchModel::kRounded + 3> widths{};  ///< inputs, hidden layers, outputs
+  std::vector<float> first_weights, first_bias, last_weights, last_bias;
+  std::array<std::vector<std::int8_t>, TouchModel::kRounded> weights;  ///< of the layers between, rounded
+  std::array<std::vector<float>, TouchModel::kRounded> weight_scale, bias;
   float threshold_mm = 0, range_mm = 0;
   float explained_above = -1e6F, explained_above_unknown_g = -1e6F;  ///< everything
   float stiffness_tolerance = 0, marker_tolerance_mm = 0, marker_tolerance_rad = 0, touch_tolerance_mm = 0,

@@ -44,6 +44,11 @@ void add_shape_map(TensorFile& tensors, const tensor::MapNames& names, const Sha
   tensors.add(names.basis, {map.rank, 3 * nodes}, map.basis);
 }
 
+void add_layer(TensorFile& tensors, const tensor::LayerNames& names, const DenseFloat& layer) {
+  tensors.add(names.weights, {layer.outputs, layer.inputs}, layer.weights);
+  tensors.add(names.bias, {layer.outputs}, layer.bias);
+}
+
 void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchScale, {kPoseDims}, touch.scale);
   tensors.add(tensor::kTouchInputMean, {TouchModel::kInputs}, touch.input_mean);
@@ -60,8 +65,10 @@ void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchFaceAxes, {3, 3}, touch.face_axes);
   tensors.add(tensor::kTouchPerG, {kPoseDims, 3}, touch.per_g);
   tensors.add(tensor::kTouchPerGChange, {kPoseDims, 3, kBentFeatures}, touch.per_g_change);
-  for (std::size_t i = 0; i < touch.layers.size(); ++i) {
-    const DenseInt8& layer = touch.layers[i];
+  add_layer(tensors, tensor::kTouchFirst, touch.first);
+  add_layer(tensors, tensor::kTouchLast, touch.last);
+  for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+    const DenseInt8& layer = touch.middle[i];
     tensors.add(tensor::kTouchWeights[i], {layer.outputs, layer.inputs}, layer.weights);
     tensors.add(tensor::kTouchWeightScale[i], {layer.outputs}, layer.scale);
     tensors.add(tensor::kTouchBias[i], {layer.outputs}, layer.bias);

@@ -171,22 +171,28 @@ class PackNetwork {
   float scale(int i) const { return model_.output_scale[static_cast<std::size_t>(i)]; }
   float mean(int i) const { return model_.output_mean[static_cast<std::size_t>(i)]; }
 
+  template <class Weight>
+  static Network::Layer layer_of(std::span<const Weight> weights, int outputs, int inputs, std::span<const float> bias) {
+    using RowMajor = Eigen::Matrix<Weight, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    return {Eigen::Map<const RowMajor>(weights.data(), outputs, inputs).template cast<float>(),
+            Eigen::Map<const Eigen::VectorXf>(bias.data(), outputs)};
+  }
+  static Network::Layer layer_of(const DenseFloat& of) { return layer_of(of.weights, of.outputs, of.inputs, of.bias); }
+  static Network::Layer layer_of(const DenseInt8& of) {
+    Network::Layer layer = layer_of(of.weights, of.outputs, of.inputs, of.bias);
+    layer.weights = Eigen::Map<const Eigen::VectorXf>(of.scale.data(), of.outputs).asDiagonal() * layer.weights;
+    return layer;
+  }
+
   Network network_of_pack() const {
+    std::vector<Network::Layer> layers = {layer_of(model_.first)};
+    for (const DenseInt8& layer : model_.middle) layers.push_back(layer_of(layer));
+    layers.push_back(layer_of(model_.last));
+    std::vector<int> widths = {model_.first.inputs};
+    for (const Network::Layer& layer : layers) widths.push_back(static_cast<int>(layer.bias.size()));
     Random random(1);  // arbitrary: every weight is replaced
-    Network network(
-        {model_.layers[0].inputs, model_.layers[1].inputs, model_.layers[2].inputs, model_.layers[2].outputs},
-        Activation::kAlgebraicSilu, random);
-    for (std::size_t l = 0; l < 3; ++l) {
-      const DenseInt8& layer = model_.layers[l];
-      Network::Layer& into = network.layers()[l];
-      for (Eigen::Index o = 0; o < into.weights.rows(); ++o) {
-        for (Eigen::Index i = 0; i < into.weights.cols(); ++i) {
-          into.weights(o, i) = layer.scale[static_cast<std::size_t>(o)] *
-                               static_cast<float>(layer.weights[static_cast<std::size_t>(o * into.weights.cols() + i)]);
-        }
-        into.bias[o] = layer.bias[static_cast<std::size_t>(o)];
-      }
-    }
+    Network network(widths, Activation::kAlgebraicSilu, random);
+    network.layers() = std::move(layers);
     return network;
   }
 

@@ -116,6 +116,13 @@ TEST_CASE("dataset: touches of every kind, and of every other scene on the face,
   }
 }
 
+TEST_CASE("dataset: beyond 700 points only the plan's scene gets more paths") {
+  const auto paths = [](int points) { return path_count({.points = points, .forces = 1, .scene = "grasp"}); };
+  CHECK(paths(2100) == paths(700) + 1400);
+  CHECK(paths(700) > paths(600) + 300);
+  CHECK(load_paths(test::small_finger_spec(), {.points = 710, .forces = 1, .scene = "grasp"}).size() == paths(710));
+}
+
 TEST_CASE("dataset: where a scene has more than frictionless points every state has contacts of its own") {
   const FingerSpec spec = test::small_finger_spec();
   CHECK_FALSE(contacts_change(spec.scene("probe")));

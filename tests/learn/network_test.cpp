@@ -124,6 +124,28 @@ TEST_CASE("network: Adam's first step moves every weight by the rate against its
   CHECK(moved > 5);
 }
 
+TEST_CASE("network: after an odd batch Adam's step is as much smaller as its gradient exceeds those before") {
+  const auto move_after = [](float size) {
+    Random random(2);
+    Network network({3, 4, 2}, Activation::kRelu, random);
+    Adam adam(network);
+    const Eigen::MatrixXf x = random_matrix(3, 5, random), slope = random_matrix(2, 5, random);
+    Eigen::MatrixXf before;
+    for (int step = 0; step < 50; ++step) {
+      before = network.layers()[1].weights;
+      network.forward(x);
+      network.backward(step < 49 ? slope : Eigen::MatrixXf(size * slope));
+      adam.step(network, 1e-6f);  // too little to change what reaches the layer
+    }
+    return double((network.layers()[1].weights - before).norm());
+  };
+  const double usual = move_after(1);
+  // Adam alone would make three quarters of its usual step: the mean grows 11 times, its deviation 14 times. Of a
+  // gradient that is seven times that deviation the step is a seventh.
+  CHECK(move_after(100) < 0.15 * usual);
+  CHECK(move_after(100) > 0.08 * usual);
+}
+
 TEST_CASE("network: the learning rate rises from nearly zero and ends at zero") {
   CHECK(cosine_rate(1, 0, 1000) < 0.01f);
   CHECK(cosine_rate(1, 500, 1000) == doctest::Approx(0.5));

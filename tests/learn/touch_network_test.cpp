@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "firmware/touch/int8_network.h"
 #include "tests/learn/synthetic_finger.h"
 
 using namespace finsight;
@@ -125,36 +126,44 @@ TEST_CASE("touch network: no gradient runs away, neither where a deviation is ne
 
 namespace {
 
-// Outputs of the first layer for the network's own samples, as rounded.
+// What reaches the first rounded layer for the network's own samples.
+Eigen::MatrixXf reaching_middle(const TouchNetwork& trained) {
+  const Network::Layer& first = trained.network.layers()[0];
+  Eigen::MatrixXf inputs = (first.weights * trained.sample_inputs).colwise() + first.bias;
+  activate(Activation::kAlgebraicSilu, inputs);
+  return inputs;
+}
+
+// That layer's sums, as rounded.
 Eigen::MatrixXf rounded_sums(const TouchNetwork& trained) {
-  const DenseInt8 layer = trained.model.view().layers[0];
+  const DenseInt8 layer = trained.model.view().middle[0];
   Eigen::MatrixXf weights(layer.outputs, layer.inputs);
   for (int o = 0; o < layer.outputs; ++o) {
     for (int i = 0; i < layer.inputs; ++i) {
       weights(o, i) = layer.scale[std::size_t(o)] * float(layer.weights[std::size_t(o * layer.inputs + i)]);
     }
   }
-  return (weights * trained.sample_inputs).colwise() +
+  return (weights * reaching_middle(trained)).colwise() +
          Eigen::Map<const Eigen::VectorXf>(layer.bias.data(), layer.outputs);
 }
 
 // The same with every weight rounded independently.
 Eigen::MatrixXf naive_sums(const TouchNetwork& trained) {
-  const Network::Layer& layer = trained.network.layers()[0];
+  const Network::Layer& layer = trained.network.layers()[1];
   const Eigen::ArrayXf scale = (layer.weights.cwiseAbs().rowwise().maxCoeff() / 127).array().max(1e-30f);
   const Eigen::MatrixXf weights = ((layer.weights.array().colwise() / scale).round().colwise() * scale).matrix();
-  return (weights * trained.sample_inputs).colwise() + layer.bias;
+  return (weights * reaching_middle(trained)).colwise() + layer.bias;
 }
 
 }  // namespace
 
 TEST_CASE("touch network: int8 weights use their range, and a channel of zero weights gets scale one") {
   TouchNetwork trained = short_training(1);
-  trained.network.layers()[1].weights.row(3).setZero();
+  trained.network.layers()[2].weights.row(3).setZero();
   quantise(trained);
-  for (std::size_t l = 0; l < 3; ++l) {
-    const Network::Layer& layer = trained.network.layers()[l];
-    const DenseInt8 rounded = trained.model.view().layers[l];
+  for (std::size_t l = 0; l < TouchModel::kRounded; ++l) {
+    const Network::Layer& layer = trained.network.layers()[l + 1];
+    const DenseInt8 rounded = trained.model.view().middle[l];
     REQUIRE(rounded.inputs == layer.weights.cols());
     REQUIRE(rounded.outputs == layer.weights.rows());
     int largest = 0;
@@ -162,24 +171,64 @@ TEST_CASE("touch network: int8 weights use their range, and a channel of zero we
     CHECK(largest >= 120);
     for (const float scale : rounded.scale) CHECK(scale > 0);
   }
-  const DenseInt8 middle = trained.model.view().layers[1];
+  const DenseInt8 middle = trained.model.view().middle[1];
   for (int i = 0; i < middle.inputs; ++i) CHECK(middle.weights[std::size_t(3 * middle.inputs + i)] == 0);
+  CHECK(middle.scale[3] == 1);
 }
 
 TEST_CASE("touch network: compensated rounding changes the outputs less than independent rounding") {
   TouchNetwork trained = short_training(1);
   quantise(trained);
-  const Network::Layer& layer = trained.network.layers()[0];
-  const Eigen::MatrixXf exact = (layer.weights * trained.sample_inputs).colwise() + layer.bias;
+  const Network::Layer& layer = trained.network.layers()[1];
+  const Eigen::MatrixXf exact = (layer.weights * reaching_middle(trained)).colwise() + layer.bias;
   const float repaired = (rounded_sums(trained) - exact).norm(), naive = (naive_sums(trained) - exact).norm();
   CHECK(repaired < 0.9f * naive);
   CHECK(repaired > 0);
 }
 
+TEST_CASE("touch network: the first layer keeps its floats, and the last takes up what rounding changes on average") {
+  TouchNetwork trained = short_training(1);
+  quantise(trained);
+  const TouchModel model = trained.model.view();
+  const Network::Layer &first = trained.network.layers().front(), &last = trained.network.layers().back();
+  for (int o = 0; o < model.first.outputs; ++o) {
+    CHECK(model.first.bias[std::size_t(o)] == first.bias[o]);
+    for (int i = 0; i < model.first.inputs; ++i) {
+      CHECK(model.first.weights[std::size_t(o * model.first.inputs + i)] == first.weights(o, i));
+    }
+  }
+  for (int o = 0; o < model.last.outputs; ++o) {
+    for (int i = 0; i < model.last.inputs; ++i) {
+      CHECK(model.last.weights[std::size_t(o * model.last.inputs + i)] == last.weights(o, i));
+    }
+  }
+  const Eigen::VectorXf exact = trained.network.forward(trained.sample_inputs).rowwise().mean();
+  Eigen::VectorXf mean = Eigen::VectorXf::Zero(model.last.outputs);
+  std::vector<float> x, y;
+  for (const auto& sample : trained.sample_inputs.colwise()) {
+    x.assign(sample.begin(), sample.end());
+    const auto next = [&](const auto& layer) {
+      y.resize(std::size_t(layer.outputs));
+      forward(layer, x, y);
+    };
+    next(model.first);
+    for (const DenseInt8& layer : model.middle) {
+      activate(y);
+      x = y;
+      next(layer);
+    }
+    activate(y);
+    x = y;
+    next(model.last);
+    mean += Eigen::Map<const Eigen::VectorXf>(y.data(), model.last.outputs) / float(trained.sample_inputs.cols());
+  }
+  CHECK((mean - exact).cwiseAbs().maxCoeff() < 1e-4f);
+}
+
 TEST_CASE("touch network: the same seed gives the same bytes, another seed different ones") {
   TouchNetwork a = short_training(1), b = short_training(1), c = short_training(2);
   CHECK(a.network.layers()[1].weights == b.network.layers()[1].weights);
-  CHECK(a.network.layers()[2].bias == b.network.layers()[2].bias);
+  CHECK(a.network.layers()[4].bias == b.network.layers()[4].bias);
   CHECK(a.model.input_mean == b.model.input_mean);
   CHECK(a.network.layers()[1].weights != c.network.layers()[1].weights);
 }

@@ -143,7 +143,7 @@ TEST_CASE("touch training: touches that are kept from learning fit the radius ne
 TEST_CASE(
     "touch training: touches of turned fingers are found, with a radius that holds, where gravity is told to be "
     "unknown") {
-  TouchTrainingPlan plan{.steps = 1500, .batch = 64};
+  TouchTrainingPlan plan{.steps = 2500, .batch = 64};
   for (int p = 0; p < kPlates; ++p) {
     const auto height = static_cast<float>(test::kPlateHeights_mm[p] / test::kPlateHeights_mm[0]);
     plan.per_g[std::size_t(3 * (6 * p))] = 2 * height * height;          // x for 1 g along x
@@ -194,15 +194,20 @@ TEST_CASE("touch training: the model has the sizes and the threshold that the pa
   CHECK(model.scale.size() == kPoseDims);
   CHECK(model.input_mean.size() == TouchModel::kInputs);
   CHECK(model.output_scale.size() == TouchModel::kOutputs);
-  CHECK(model.layers[0].inputs == TouchModel::kInputs);
-  CHECK(model.layers[1].outputs == 512);
-  CHECK(model.layers[2].outputs == TouchModel::kOutputs);
-  CHECK(model.layers[1].weights.size() == 512 * 512);
+  CHECK(model.first.inputs == TouchModel::kInputs);
+  CHECK(model.first.weights.size() == TouchModel::kInputs * 256);
+  for (const DenseInt8& layer : model.middle) {
+    CHECK(layer.outputs == 256);
+    CHECK(layer.weights.size() == 256 * 256);
+  }
+  CHECK(model.last.outputs == TouchModel::kOutputs);
+  CHECK(model.last.weights.size() == TouchModel::kOutputs * 256);
 }
 
 TEST_CASE("touch training: same seed, same bytes") {
   const FemDataset few = test::synthetic_dataset(3, 2);
   const TouchTraining a = train(20, few), b = train(20, few);
+  CHECK(a.model.first_weights == b.model.first_weights);
   CHECK(a.model.weights == b.model.weights);
   CHECK(a.model.weight_scale == b.model.weight_scale);
   CHECK(a.model.bias == b.model.bias);

@@ -76,9 +76,11 @@ TEST_CASE("values: refuses scales that are not positive") {
        "'touch.face_axes': found directions that differ from perpendicular unit vectors by 0.480000"},
       {"exponent", [](TinyModel& t) { t.radius_curve[2] = 1e6f; },
        "'touch.radius_curve': found 1000000.000000 at element 2"},
-      {"weights", [](TinyModel& t) { t.weight_scale[1][0] = -0.1f; }, "'touch.weight_scale1'"},
+      {"weights", [](TinyModel& t) { t.weight_scale[1][0] = -0.1f; }, "'touch.weight_scale2'"},
       {"infinite", [](TinyModel& t) { t.bias[2][3] = std::numeric_limits<float>::infinity(); },
-       "'touch.bias2': found element 3 not finite"},
+       "'touch.bias3': found element 3 not finite"},
+      {"not a number", [](TinyModel& t) { t.last_weights[7] = std::numeric_limits<float>::quiet_NaN(); },
+       "'touch.last_weights': found element 7 not finite"},
   };
   check_refused(all);
 }

@@ -86,12 +86,18 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(same(model.touch.radius_hidden, tiny.radius_hidden));
   CHECK(same(model.touch.radius_output, tiny.radius_output));
   CHECK(same(model.touch.seen_factor, tiny.seen_factor));
-  for (std::size_t i = 0; i < 3; ++i) {
-    CHECK(model.touch.layers[i].inputs * model.touch.layers[i].outputs == static_cast<int>(tiny.weights[i].size()));
-    CHECK(same(model.touch.layers[i].weights, tiny.weights[i]));
-    CHECK(same(model.touch.layers[i].scale, tiny.weight_scale[i]));
-    CHECK(same(model.touch.layers[i].bias, tiny.bias[i]));
+  CHECK(model.touch.first.inputs * model.touch.first.outputs == static_cast<int>(tiny.first_weights.size()));
+  CHECK(same(model.touch.first.weights, tiny.first_weights));
+  CHECK(same(model.touch.first.bias, tiny.first_bias));
+  for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+    CHECK(model.touch.middle[i].inputs * model.touch.middle[i].outputs == static_cast<int>(tiny.weights[i].size()));
+    CHECK(same(model.touch.middle[i].weights, tiny.weights[i]));
+    CHECK(same(model.touch.middle[i].scale, tiny.weight_scale[i]));
+    CHECK(same(model.touch.middle[i].bias, tiny.bias[i]));
   }
+  CHECK(model.touch.last.inputs * model.touch.last.outputs == static_cast<int>(tiny.last_weights.size()));
+  CHECK(same(model.touch.last.weights, tiny.last_weights));
+  CHECK(same(model.touch.last.bias, tiny.last_bias));
   CHECK(model.touch.threshold_mm == 2);
   CHECK(model.touch.range_mm == 40);
   CHECK(same(model.prior.mean, tiny.prior_mean));
@@ -169,10 +175,12 @@ TEST_CASE("model: refuses tensors of another shape, with what was found and expe
       {zeros<float>(tensor::kContactMap.weights, {65, 190}), "found length 65, expected 1 to 64"},
       {zeros<float>(tensor::kContactMap.basis, {2, 123}), "found F32 [2, 123], expected F32 [2, 126]"},
       {zeros<float>(tensor::kSelfTestContactShape, {1, 126}), "found F32 [1, 126], expected F32 [2, 126]"},
-      {zeros<std::int8_t>(tensor::kTouchWeights[0], {8, 21}), "found I8 [8, 21], expected I8 [8, 23]"},
+      {zeros<float>(tensor::kTouchFirst.weights, {8, 21}), "found F32 [8, 21], expected F32 [8, 23]"},
       {zeros<std::int8_t>(tensor::kTouchWeights[1], {8, 9}), "found I8 [8, 9], expected I8 [8, 8]"},
-      {zeros<float>(tensor::kTouchBias[2], {12}), "found F32 [12], expected F32 [22]"},
-      {zeros<float>(tensor::kTouchBias[0], {5000}), "found length 5000, expected 1 to 4096"},
+      {zeros<float>(tensor::kTouchLast.weights, {22, 9}), "found F32 [22, 9], expected F32 [22, 8]"},
+      {zeros<float>(tensor::kTouchLast.bias, {12}), "found F32 [12], expected F32 [22]"},
+      {zeros<float>(tensor::kTouchFirst.bias, {5000}), "found length 5000, expected 1 to 4096"},
+      {zeros<float>(tensor::kTouchBias[2], {0}), "found length 0, expected 1 to 4096"},
       {zeros<float>(tensor::kPriorCovariance, {324}), "expected F32 [18, 18]"},
       {zeros<float>(tensor::kCameraPose, {3, 4}), "expected F32 [4, 4]"},
       {zeros<std::int32_t>(tensor::kMarkerIds, {4}), "expected I32 [3]"},

@@ -34,8 +34,9 @@ struct TinyModel {
       seen_factor = {1.3f, 1.4f, 1.1f, 1.2f, 1.1f, 1.2f, 1}, face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f},
       per_g = std::vector<float>(3 * kPoseDims, 0.01F),
       per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.001F);
-  std::array<std::vector<std::int8_t>, 3> weights;
-  std::array<std::vector<float>, 3> weight_scale, bias;
+  std::vector<float> first_weights, first_bias, last_weights, last_bias;
+  std::array<std::vector<std::int8_t>, TouchModel::kRounded> weights;
+  std::array<std::vector<float>, TouchModel::kRounded> weight_scale, bias;
   std::vector<float> prior_mean, prior_covariance, prior_noise;
   std::vector<float> test_poses, test_shape_mm, test_touch, test_contact_shape_mm;
   std::vector<std::uint16_t> test_registers, test_contact_registers;
@@ -85,8 +86,10 @@ struct TinyModel {
     all.touch.face_axes = face_axes;
     all.touch.per_g = per_g;
     all.touch.per_g_change = per_g_change;
-    for (std::size_t i = 0; i < 3; ++i) {
-      all.touch.layers[i] = {layer_width(i), layer_width(i + 1), weights[i], weight_scale[i], bias[i]};
+    all.touch.first = {TouchModel::kInputs, kHidden, first_weights, first_bias};
+    all.touch.last = {kHidden, TouchModel::kOutputs, last_weights, last_bias};
+    for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+      all.touch.middle[i] = {kHidden, kHidden, weights[i], weight_scale[i], bias[i]};
     }
     all.prior = {prior_mean, prior_covariance, prior_noise};
     all.self_test = {
@@ -110,9 +113,6 @@ struct TinyModel {
     std::vector<float> values(count);
     for (float& value : values) value = static_cast<float>(random.uniform(-size, size));
     return values;
-  }
-  static int layer_width(std::size_t i) {
-    return std::array{TouchModel::kInputs, kHidden, kHidden, TouchModel::kOutputs}[i];
   }
 
   void make_nodes() {
@@ -198,14 +198,17 @@ struct TinyModel {
     output_mean = {0, 60, 0, 0, 0, 2, 3, 0, 0, 0, 0, 0, 0, 0, 0, -1, -1, -1, -3, -3, -3, 0};
     output_scale = {5, 20, 1, 0.5f, 0.5f, 2, 1, 0.3f, 0.3f, 0.05f, 0.05f, 0.05f};
     output_scale.resize(TouchModel::kOutputs, 0.1f);
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto inputs = static_cast<std::size_t>(layer_width(i)),
-                 outputs = static_cast<std::size_t>(layer_width(i + 1));
-      for (const float value : numbers(random, inputs * outputs, 127))
+    first_weights = numbers(random, TouchModel::kInputs * kHidden, 0.6f);
+    first_bias = numbers(random, kHidden, 0.1f);
+    for (std::size_t i = 0; i < TouchModel::kRounded; ++i) {
+      for (const float value : numbers(random, kHidden * kHidden, 127)) {
         weights[i].push_back(static_cast<std::int8_t>(value));
-      weight_scale[i].assign(outputs, 0.005f);
-      bias[i] = numbers(random, outputs, 0.1f);
+      }
+      weight_scale[i].assign(kHidden, 0.005f);
+      bias[i] = numbers(random, kHidden, 0.1f);
     }
+    last_weights = numbers(random, kHidden * TouchModel::kOutputs, 0.6f);
+    last_bias = numbers(random, TouchModel::kOutputs, 0.1f);
   }
 
   /// Plates that move together towards the back, with a little motion of their own.

@@ -67,12 +67,26 @@ TEST_CASE("model pack: its description shows metadata, sizes, tensors, mount, th
   tiny.write(folder / "pack");
   const std::string text = host::describe_model_pack(Model::open(folder / "pack"));
   CAPTURE(text);
-  for (const char* part :
-       {"finger \"tiny\", scene \"grasp\"", "touch_rmse_mm                0.25",
-        "42 nodes (27 free, 21 on the touched face), 72", "27 supernodes", "shape map   rank 2", "contact map rank 2",
-        "contact_map.basis", "self_test.contact_shape_mm", "23 -> 8 -> 8 -> 22", "1 g along x, y, z", "markers 0.3 mm",
-        "touch from 2 to 40 mm", "1000 per mille at 10 mm", "marker 4, 8 mm", "case 1", "shape.rest_mm", "42 x 3",
-        "504 bytes  -15 to 120", "touch.weights0             I8   8 x 23"}) {
+  for (const char* part : {"finger \"tiny\", scene \"grasp\"",
+                           "touch_rmse_mm                0.25",
+                           "42 nodes (27 free, 21 on the touched face), 72",
+                           "27 supernodes",
+                           "shape map   rank 2",
+                           "contact map rank 2",
+                           "contact_map.basis",
+                           "self_test.contact_shape_mm",
+                           "23 -> 8 -> 8 -> 8 -> 8 -> 22, int8 weights between",
+                           "1 g along x, y, z",
+                           "markers 0.3 mm",
+                           "touch from 2 to 40 mm",
+                           "1000 per mille at 10 mm",
+                           "marker 4, 8 mm",
+                           "case 1",
+                           "shape.rest_mm",
+                           "42 x 3",
+                           "504 bytes  -15 to 120",
+                           "touch.weights1             I8   8 x 8",
+                           "touch.first_weights        F32  8 x 23"}) {
     CAPTURE(part);
     CHECK(text.find(part) != std::string::npos);
   }

@@ -11,18 +11,45 @@ namespace {
 
 struct TestLayer {
   std::vector<std::int8_t> weights;
-  std::vector<float> scale, bias, x;
+  std::vector<float> float_weights, scale, bias, x;
   int inputs, outputs;
   TestLayer(int inputs_, int outputs_) : inputs(inputs_), outputs(outputs_) {
-    for (int i = 0; i < inputs * outputs; ++i) weights.push_back(std::int8_t((i * 37 + i * i * 11) % 255 - 127));
+    for (int i = 0; i < inputs * outputs; ++i) {
+      weights.push_back(std::int8_t((i * 37 + i * i * 11) % 255 - 127));
+      float_weights.push_back(float(weights.back()) / 300);
+    }
     for (int o = 0; o < outputs; ++o) {
       scale.push_back(0.01f / float(1 + o % 7));
       bias.push_back(std::sin(float(o)));
     }
     for (int i = 0; i < inputs; ++i) x.push_back(std::cos(2.3f * float(i)));
   }
-  DenseInt8 view() const { return {inputs, outputs, weights, scale, bias}; }
+  DenseInt8 rounded() const { return {inputs, outputs, weights, scale, bias}; }
+  DenseFloat as_trained() const { return {inputs, outputs, float_weights, bias}; }
+  /// In double, of the one or the other.
+  double sum(std::size_t output, bool is_rounded) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < std::size_t(inputs); ++i) {
+      const std::size_t at = output * std::size_t(inputs) + i;
+      sum += double(is_rounded ? float(weights[at]) : float_weights[at]) * double(x[i]);
+    }
+    return (is_rounded ? double(scale[output]) : 1) * sum + double(bias[output]);
+  }
 };
+
+/// The sum of the products of one output, in the documented order.
+template <class Weight>
+float ordered_sum(const std::vector<Weight>& weights, const std::vector<float>& x, std::size_t output) {
+  volatile float lanes[16] = {};  // volatile: no other order, no fused operation
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    volatile float product = float(weights[output * x.size() + i]) * x[i];
+    lanes[i % 16] = lanes[i % 16] + product;
+  }
+  for (std::size_t half = 8; half > 0; half /= 2) {
+    for (std::size_t l = 0; l < half; ++l) lanes[l] = lanes[l] + lanes[l + half];
+  }
+  return lanes[0];
+}
 
 }  // namespace
 
@@ -30,39 +57,38 @@ TEST_CASE("int8 network: a layer equals a plain reference in double, for lengths
   for (const int inputs : {1, 15, 16, 22, 31, 48, 512}) {
     const TestLayer layer(inputs, 11);
     std::vector<float> y(11);
-    for (const bool is_hidden : {false, true}) {
-      forward(layer.view(), layer.x, y, is_hidden);
-      int negative = 0;
+    for (const bool is_rounded : {false, true}) {
+      is_rounded ? forward(layer.rounded(), layer.x, y) : forward(layer.as_trained(), layer.x, y);
       for (std::size_t o = 0; o < 11; ++o) {
-        double sum = 0;
-        for (std::size_t i = 0; i < std::size_t(inputs); ++i) {
-          sum += double(layer.weights[o * std::size_t(inputs) + i]) * double(layer.x[i]);
-        }
-        double expected = double(layer.scale[o]) * sum + double(layer.bias[o]);
-        negative += expected < 0;
-        if (is_hidden) expected = expected / 2 * (1 + expected / std::sqrt(1 + expected * expected));
-        CHECK(double(y[o]) == doctest::Approx(expected).epsilon(1e-5).scale(1));
+        CHECK(double(y[o]) == doctest::Approx(layer.sum(o, is_rounded)).epsilon(1e-5).scale(1));
       }
-      CHECK(negative > 0);
     }
   }
+}
+
+TEST_CASE("int8 network: the activation equals a plain reference in double, on both sides of zero") {
+  const TestLayer layer(31, 11);
+  std::vector<float> y(11);
+  forward(layer.rounded(), layer.x, y);
+  activate(y);
+  int negative = 0;
+  for (std::size_t o = 0; o < 11; ++o) {
+    const double sum = layer.sum(o, true);
+    negative += sum < 0;
+    CHECK(double(y[o]) == doctest::Approx(sum / 2 * (1 + sum / std::sqrt(1 + sum * sum))).epsilon(1e-5).scale(1));
+  }
+  CHECK(negative > 0);
+  CHECK(negative < 11);
 }
 
 TEST_CASE("int8 network: sums in the documented order, bit for bit") {
   const TestLayer layer(22, 3);
   std::vector<float> y(3);
-  forward(layer.view(), layer.x, y, false);
+  forward(layer.rounded(), layer.x, y);
   for (std::size_t o = 0; o < 3; ++o) {
-    volatile float lanes[16] = {};  // volatile: no other order, no fused operation
-    for (std::size_t i = 0; i < 22; ++i) {
-      volatile float product = float(layer.weights[o * 22 + i]) * layer.x[i];
-      lanes[i % 16] = lanes[i % 16] + product;
-    }
-    for (std::size_t half = 8; half > 0; half /= 2) {
-      for (std::size_t l = 0; l < half; ++l) lanes[l] = lanes[l] + lanes[l + half];
-    }
-    volatile float scaled = layer.scale[o] * lanes[0];
-    const float expected = scaled + layer.bias[o];
-    CHECK(y[o] == expected);
+    volatile float scaled = layer.scale[o] * ordered_sum(layer.weights, layer.x, o);
+    CHECK(y[o] == scaled + layer.bias[o]);
   }
+  forward(layer.as_trained(), layer.x, y);
+  for (std::size_t o = 0; o < 3; ++o) CHECK(y[o] == ordered_sum(layer.float_weights, layer.x, o) + layer.bias[o]);
 }
