@@ -81,8 +81,8 @@ class TouchStage {
 
   TouchModel model_;
   float largest_told_;
-  float less_likely_ = 0;         // see explain_less_likely()
-  Eigen::AlignedBox3f face_mm_;   ///< of the front face at rest; empty if not known
+  float less_likely_ = 0;                                            // see explain_less_likely()
+  Eigen::AlignedBox3f face_mm_;                                      ///< of the front face at rest; empty if not known
   std::array<std::vector<float>, TouchModel::kRounded + 1> hidden_;  // workspace: the hidden layers' activations
   Outputs outputs_{};
 };

@@ -90,7 +90,8 @@ void describe_touch(std::string& text, const Model& model) {
   print(text, "  network     %d -> %d", model.touch.first.inputs, model.touch.first.outputs);
   for (const DenseInt8& layer : model.touch.middle) print(text, " -> %d", layer.outputs);
   print(text, " -> %d", model.touch.last.outputs);
-  print(text, ", int8 weights between\n  thresholds  touch from %.3g to %.3g mm of plate motion, 1000 per mille at %.3g mm\n",
+  print(text,
+        ", int8 weights between\n  thresholds  touch from %.3g to %.3g mm of plate motion, 1000 per mille at %.3g mm\n",
         static_cast<double>(model.touch.threshold_mm), static_cast<double>(model.touch.range_mm),
         static_cast<double>(model.rated_deformation_mm));
 }

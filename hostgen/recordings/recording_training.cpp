@@ -172,7 +172,8 @@ class PackNetwork {
   float mean(int i) const { return model_.output_mean[static_cast<std::size_t>(i)]; }
 
   template <class Weight>
-  static Network::Layer layer_of(std::span<const Weight> weights, int outputs, int inputs, std::span<const float> bias) {
+  static Network::Layer layer_of(std::span<const Weight> weights, int outputs, int inputs,
+                                 std::span<const float> bias) {
     using RowMajor = Eigen::Matrix<Weight, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
     return {Eigen::Map<const RowMajor>(weights.data(), outputs, inputs).template cast<float>(),
             Eigen::Map<const Eigen::VectorXf>(bias.data(), outputs)};

@@ -213,7 +213,7 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
   };
   const Hostile all[] = {
       {meta::kFormat, std::nullopt, "is not a Finsight model pack"},
-      {meta::kFormat, "1", "format version: found 1, expected 7"},
+      {meta::kFormat, "1", "format version: found 1, expected 8"},
       {meta::kFinger, std::nullopt, "metadata 'finger': found nothing"},
       {meta::kScene, std::nullopt, "metadata 'scene': found nothing"},
       {meta::kFinger, "", "metadata 'finger': found \"0 bytes\", expected 1 to 64 printable"},
