@@ -127,15 +127,6 @@ Eigen::MatrixXf whitening(const Eigen::MatrixXf& inputs) {
   return white;
 }
 
-/// Throws std::runtime_error if the network's raw outputs say that its training ended in nonsense.
-void check_converged(const Eigen::MatrixXf& outputs) {
-  constexpr float kLargestRms = 10;  // targets have a deviation of 1
-  const float rms = std::sqrt(outputs.topRows<kMeans>().array().square().mean());
-  if (outputs.allFinite() && rms < kLargestRms) return;
-  throw std::runtime_error("the touch network's training diverged (its answers have an RMS of " + std::to_string(rms) +
-                           " where 1 is right); another --seed or other --training-steps may do");
-}
-
 }  // namespace
 
 TouchModel TouchModelData::view() const {
@@ -208,6 +199,16 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
   }
 }
 
+void check_converged(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets) {
+  constexpr float kLargestRms = 10;  // targets have a deviation of 1
+  const Eigen::RowVectorXf located = targets.row(kLocatedTarget);
+  const float sum = (outputs.topRows<kMeans>().colwise().squaredNorm() * located.transpose())(0);
+  const float rms = std::sqrt(sum / (kMeans * std::max(1.0f, located.sum())));
+  if (outputs.allFinite() && rms < kLargestRms) return;
+  throw std::runtime_error("the touch network's training diverged (its answers have an RMS of " + std::to_string(rms) +
+                           " where 1 is right); another --seed or other --training-steps may do");
+}
+
 TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const std::array<PoseNoise, kPlates>& noise,
                                  const PlatePrior& prior, const TouchTrainingPlan& plan, std::uint64_t seed,
                                  const std::function<void()>& tick, const CornerMeasurement* camera) {
@@ -238,7 +239,7 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
     adam.step(trained.network, cosine_rate(kPeakRate, step, plan.steps));
     tick();
   }
-  check_converged(trained.network.forward(white * trained.sample_inputs));
+  check_converged(trained.network.forward(white * trained.sample_inputs), sample_targets);
   Eigen::MatrixXf& first = trained.network.layers().front().weights;
   first = (first * white).eval();  // the firmware's inputs are not white
   return trained;

@@ -42,6 +42,10 @@ inline constexpr int kTouchTargets = TouchModel::kMeans + 2;
 void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets, bool likelihood,
                          Eigen::MatrixXf& gradient);
 
+/// Throws std::runtime_error if the network's raw outputs say that its training ended in nonsense. What it answers
+/// where no means are learnt, such as for a plate that came loose, may be anything. Arrays as for the loss.
+void check_converged(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets);
+
 /// Rounds the weights of all layers but the first and the last to int8, with one scale per output channel (largest
 /// weight = 127), into `trained.model`, changing the outputs for `trained.sample_inputs` as little as possible.
 void quantise(TouchNetwork& trained);

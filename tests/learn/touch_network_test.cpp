@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "firmware/touch/int8_network.h"
 #include "tests/learn/synthetic_finger.h"
@@ -122,6 +123,18 @@ TEST_CASE("touch network: no gradient runs away, neither where a deviation is ne
   outputs.middleRows(12, 9).setConstant(20);
   touch_loss_gradient(outputs, targets, true, gradient);
   CHECK(double(gradient.middleRows(12, 9).cwiseAbs().maxCoeff()) == doctest::Approx(5));
+}
+
+TEST_CASE("touch network: a training has diverged if it answers nonsense where touches are learnt, not elsewhere") {
+  Eigen::MatrixXf outputs = Eigen::MatrixXf::Zero(22, 4), targets = Eigen::MatrixXf::Zero(14, 4);
+  targets.row(13) << 1, 1, 0, 0;
+  outputs.rightCols(2).topRows(12).setConstant(1000);
+  CHECK_NOTHROW(check_converged(outputs, targets));
+  outputs.col(0).setConstant(16);
+  CHECK_THROWS_WITH(check_converged(outputs, targets), doctest::Contains("diverged (its answers have an RMS of 11.3"));
+  outputs.col(0).setZero();
+  outputs(21, 3) = std::numeric_limits<float>::quiet_NaN();
+  CHECK_THROWS_WITH(check_converged(outputs, targets), doctest::Contains("diverged"));
 }
 
 namespace {
