@@ -15,10 +15,8 @@ namespace {
 /// A pack that takes every touch of 2 mm of plate motion and more for this one.
 Model always(const Vec3f& point_mm, float force_n) {
   test::TinyModel pack;
-  for (std::size_t i = 0; i < 3; ++i) {
-    std::ranges::fill(pack.weights[i], std::int8_t{0});
-    std::ranges::fill(pack.bias[i], 0.0F);
-  }
+  std::ranges::fill(pack.last_weights, 0.0F);
+  std::ranges::fill(pack.last_bias, 0.0F);
   std::copy(point_mm.data(), point_mm.data() + 3, pack.output_mean.begin());
   pack.output_mean[6] = force_n;
   return pack.open();

@@ -130,7 +130,7 @@ TEST_CASE("self-test: tests the contact map where its tier is to run, and the Ne
 
 TEST_CASE("self-test: refuses a changed network, whatever the tier") {
   TinyModel tiny = good();
-  tiny.bias[2][1] += 0.1f;  // of touch y
+  tiny.last_bias[1] += 0.1f;  // of touch y
   for (const Tier tier : {Tier::kNewton, Tier::kContact}) {
     CHECK(verdict(tiny, tier) == doctest::Contains("self-test case 1, touch number 1: found"));
   }

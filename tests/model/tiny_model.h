@@ -204,10 +204,10 @@ struct TinyModel {
       for (const float value : numbers(random, kHidden * kHidden, 127)) {
         weights[i].push_back(static_cast<std::int8_t>(value));
       }
-      weight_scale[i].assign(kHidden, 0.005f);
+      weight_scale[i].assign(kHidden, 0.01f);
       bias[i] = numbers(random, kHidden, 0.1f);
     }
-    last_weights = numbers(random, kHidden * TouchModel::kOutputs, 0.6f);
+    last_weights = numbers(random, kHidden * TouchModel::kOutputs, 1.0f);
     last_bias = numbers(random, TouchModel::kOutputs, 0.1f);
   }
 
