@@ -87,9 +87,10 @@ void add_dataset_command(CLI::App& app) {
   command->add_option("--scene", options->scene,
                       "which contacts: probe, grasp, two or another of the spec's scenes "
                       "(default: the one that the spec's touch.scene names)");
-  CLI::Option* only_scene = command->add_flag("--only-scene", options->only_scene,
-                                              "only touches of the scene: a third to half of the work, but no pack can be "
-                                              "trained from them, since it must tell other contacts from touches");
+  CLI::Option* only_scene =
+      command->add_flag("--only-scene", options->only_scene,
+                        "only touches of the scene: a third to half of the work, but no pack can be "
+                        "trained from them, since it must tell other contacts from touches");
   command
       ->add_option("--shard", options->shard, "i/n: only the i-th of n equal parts; hostgen merge puts them together")
       ->excludes(only_scene);  // merged, they would lack the other contacts' paths
