@@ -42,10 +42,11 @@ RoundedLayer round_layer(const Eigen::MatrixXf& weights, const Eigen::MatrixXf& 
   return rounded;
 }
 
-std::vector<float> row_major(const Eigen::MatrixXf& weights) {
-  std::vector<float> numbers;
+template <class Number>
+std::vector<Number> row_major(const Eigen::MatrixXf& weights) {
+  std::vector<Number> numbers;
   for (Eigen::Index o = 0; o < weights.rows(); ++o) {
-    for (Eigen::Index i = 0; i < weights.cols(); ++i) numbers.push_back(weights(o, i));
+    for (Eigen::Index i = 0; i < weights.cols(); ++i) numbers.push_back(static_cast<Number>(weights(o, i)));
   }
   return numbers;
 }
@@ -55,7 +56,7 @@ std::vector<float> row_major(const Eigen::MatrixXf& weights) {
 void quantise(TouchNetwork& trained) {
   TouchModelData& model = trained.model;
   const Network::Layer &first = trained.network.layers().front(), &last = trained.network.layers().back();
-  model.first_weights = row_major(first.weights);
+  model.first_weights = row_major<float>(first.weights);
   model.first_bias.assign(first.bias.begin(), first.bias.end());
   Eigen::MatrixXf exact = (first.weights * trained.sample_inputs).colwise() + first.bias;
   activate(Activation::kAlgebraicSilu, exact);
@@ -67,9 +68,7 @@ void quantise(TouchNetwork& trained) {
     const Eigen::MatrixXf sums = rounded.scale.asDiagonal() * (rounded.weights * seen);
     const Eigen::VectorXf bias = layer.bias + (exact_sums - sums).rowwise().mean();
 
-    const std::vector<float> whole = row_major(rounded.weights);
-    model.weights[l].assign(whole.size(), 0);
-    std::ranges::transform(whole, model.weights[l].begin(), [](float w) { return static_cast<std::int8_t>(w); });
+    model.weights[l] = row_major<std::int8_t>(rounded.weights);
     model.weight_scale[l].assign(rounded.scale.begin(), rounded.scale.end());
     model.bias[l].assign(bias.begin(), bias.end());
     exact = exact_sums.colwise() + layer.bias;
@@ -77,7 +76,7 @@ void quantise(TouchNetwork& trained) {
     activate(Activation::kAlgebraicSilu, exact);
     activate(Activation::kAlgebraicSilu, seen);
   }
-  model.last_weights = row_major(last.weights);
+  model.last_weights = row_major<float>(last.weights);
   const Eigen::VectorXf bias = last.bias + last.weights * (exact - seen).rowwise().mean();
   model.last_bias.assign(bias.begin(), bias.end());
 }
