@@ -167,10 +167,11 @@ TouchModel read_touch(PackReader& pack) {
   touch.output_scale = pack.tensor<float>(tensor::kTouchOutputScale, {TouchModel::kOutputs});
   const std::int64_t knots = pack.length(tensor::kTouchRadiusCurve, 0, 1, kMaxKnots);
   touch.radius_curve = pack.tensor<float>(tensor::kTouchRadiusCurve, {knots, 3});
-  constexpr std::int64_t kFeatures = TouchModel::kRadiusFeatures, kHidden = TouchModel::kRadiusHidden;
-  touch.radius_inputs = pack.tensor<float>(tensor::kTouchRadiusInputs, {kFeatures, 2});
-  touch.radius_hidden = pack.tensor<float>(tensor::kTouchRadiusHidden, {kHidden, kFeatures + 1});
-  touch.radius_output = pack.tensor<float>(tensor::kTouchRadiusOutput, {kHidden + 1});
+  touch.radius_inputs = pack.tensor<float>(tensor::kTouchRadiusInputs, {TouchModel::kRadiusFeatures, 2});
+  for (std::size_t i = 0; i < touch.radius.size(); ++i) {
+    touch.radius[i] =
+        read_layer(pack, tensor::kTouchRadius[i], TouchModel::kRadiusWidths[i], TouchModel::kRadiusWidths[i + 1]);
+  }
   touch.seen_factor = pack.tensor<float>(tensor::kTouchSeenFactor, {TouchModel::kSeenPatterns});
   touch.face_axes = pack.tensor<float>(tensor::kTouchFaceAxes, {3, 3});
   touch.per_g = pack.tensor<float>(tensor::kTouchPerG, {kPoseDims, 3});
@@ -263,10 +264,13 @@ void check_scales(const SafetensorsFile& file, const Model& model) {
   positive(tensor::kTouchInputScale, model.touch.input_scale);
   positive(tensor::kTouchOutputScale, model.touch.output_scale);
   check_radius_curve(file, model.touch.radius_curve);
-  for (const auto& [name, weights] : {std::pair{tensor::kTouchRadiusInputs, model.touch.radius_inputs},
-                                      {tensor::kTouchRadiusHidden, model.touch.radius_hidden},
-                                      {tensor::kTouchRadiusOutput, model.touch.radius_output}}) {
-    check_range(file, name, weights, -kLargestRadiusWeight, kLargestRadiusWeight);
+  const auto bounded = [&](const char* name, std::span<const float> values) {
+    check_range(file, name, values, -kLargestRadiusWeight, kLargestRadiusWeight);
+  };
+  bounded(tensor::kTouchRadiusInputs, model.touch.radius_inputs);
+  for (std::size_t i = 0; i < model.touch.radius.size(); ++i) {
+    bounded(tensor::kTouchRadius[i].weights, model.touch.radius[i].weights);
+    bounded(tensor::kTouchRadius[i].bias, model.touch.radius[i].bias);
   }
   positive(tensor::kTouchSeenFactor, model.touch.seen_factor);
   check_face_axes(file, model.touch.face_axes);

@@ -81,12 +81,12 @@ struct TouchModel {
   /// [knots, 3] plate motion (mm, ascending), a, b: the radius at that motion is exp(a) times the network's to the b,
   /// linear in between, constant beyond.
   std::span<const float> radius_curve;
-  /// The radius network (radius_factor()): one hidden layer, algebraic_silu(); it answers the logarithm of a factor of
+  /// The radius network (radius_factor()), algebraic_silu() between its layers; it answers the logarithm of a factor of
   /// that radius.
-  static constexpr int kRadiusFeatures = 11, kRadiusHidden = 20;
+  static constexpr int kRadiusFeatures = 11, kRadiusHidden = 32;
+  static constexpr std::array kRadiusWidths = {kRadiusFeatures, kRadiusHidden, kRadiusHidden, 1};
   std::span<const float> radius_inputs;  ///< [kRadiusFeatures, 2] mean, and what multiplies (feature - mean)
-  std::span<const float> radius_hidden;  ///< [kRadiusHidden, kRadiusFeatures + 1] weights, then the bias
-  std::span<const float> radius_output;  ///< [kRadiusHidden + 1] weights, then the bias
+  std::array<DenseFloat, kRadiusWidths.size() - 1> radius;
   /// [kSeenPatterns] factors of that radius where only some plates are seen, at seen_index(); the last is 1.
   std::span<const float> seen_factor;
   /// 23 -> 256 -> 256 -> 256 -> 256 -> 22, algebraic_silu() between. The first and the last layer hold 6 % of the
@@ -197,8 +197,6 @@ inline constexpr const char* kTouchOutputMean = "touch.output_mean";
 inline constexpr const char* kTouchOutputScale = "touch.output_scale";
 inline constexpr const char* kTouchRadiusCurve = "touch.radius_curve";
 inline constexpr const char* kTouchRadiusInputs = "touch.radius_inputs";
-inline constexpr const char* kTouchRadiusHidden = "touch.radius_hidden";
-inline constexpr const char* kTouchRadiusOutput = "touch.radius_output";
 inline constexpr const char* kTouchSeenFactor = "touch.seen_factor";
 inline constexpr const char* kTouchFaceAxes = "touch.face_axes";              // [3, 3]
 inline constexpr const char* kTouchPerG = "touch.motion_per_g";               // [kPoseDims, 3]
@@ -209,6 +207,9 @@ struct LayerNames {
 };
 inline constexpr LayerNames kTouchFirst = {"touch.first_weights", "touch.first_bias"};
 inline constexpr LayerNames kTouchLast = {"touch.last_weights", "touch.last_bias"};
+inline constexpr LayerNames kTouchRadius[] = {{"touch.radius_weights1", "touch.radius_bias1"},
+                                              {"touch.radius_weights2", "touch.radius_bias2"},
+                                              {"touch.radius_weights3", "touch.radius_bias3"}};
 inline constexpr const char* kTouchWeights[] = {"touch.weights1", "touch.weights2", "touch.weights3"};
 inline constexpr const char* kTouchWeightScale[] = {"touch.weight_scale1", "touch.weight_scale2",
                                                     "touch.weight_scale3"};
@@ -230,7 +231,7 @@ inline constexpr const char* kSelfTestContactRegisters = "self_test.contact_regi
 /// Keys of the pack's metadata. Numbers are written in decimal.
 namespace meta {
 inline constexpr const char* kFormat = "finsight_pack";  // value kFormatVersion
-inline constexpr const char* kFormatVersion = "8";
+inline constexpr const char* kFormatVersion = "9";
 inline constexpr const char* kFinger = "finger";
 inline constexpr const char* kScene = "scene";
 inline constexpr const char* kSpecSha256 = "spec_sha256";

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "firmware/touch/features.h"
+#include "firmware/touch/int8_network.h"
 
 namespace finsight {
 
@@ -35,15 +36,14 @@ RadiusFeatures normalised(std::span<const float> radius_inputs, const RadiusFeat
 
 float radius_factor(const TouchModel& model, const RadiusFeatures& features) {
   constexpr float kLeastLogFactor = -1.2F, kMostLogFactor = 2;
-  constexpr std::size_t kInputs = TouchModel::kRadiusFeatures, kHidden = TouchModel::kRadiusHidden;
-  const RadiusFeatures inputs = normalised(model.radius_inputs, features);
-  float log_factor = model.radius_output[kHidden];
-  for (std::size_t k = 0; k < kHidden; ++k) {
-    const std::span<const float> weights = model.radius_hidden.subspan(k * (kInputs + 1), kInputs + 1);
-    float sum = weights[kInputs];
-    for (std::size_t i = 0; i < kInputs; ++i) sum += weights[i] * inputs[i];
-    log_factor += model.radius_output[k] * algebraic_silu(sum);
-  }
+  std::array<float, TouchModel::kRadiusHidden> x{}, y;  // in turn what goes into a layer and what comes out of it
+  std::ranges::copy(normalised(model.radius_inputs, features), x.begin());
+  forward(model.radius[0], x, y);
+  activate(y);
+  forward(model.radius[1], y, x);
+  activate(x);
+  float log_factor = 0;
+  forward(model.radius[2], x, {&log_factor, 1});
   return exp_float(std::clamp(log_factor, kLeastLogFactor, kMostLogFactor));
 }
 

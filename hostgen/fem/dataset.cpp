@@ -145,8 +145,8 @@ std::vector<Scene> common_others(const DatasetPlan& plan) {
   return scenes;
 }
 
-/// The points of a plan that those of its other scenes and of its kept touches are counted by: beyond kMost, more
-/// points of its own scene tell a network more, while more of what it only tells apart or is calibrated on do not.
+/// The points of a plan that those of its other scenes are counted by: beyond kMost, more points of its own scene tell a
+/// network more, while more of what it only tells apart do not.
 int counted_points(const DatasetPlan& plan) {
   constexpr int kMost = 700;
   return std::min(plan.points, kMost);
@@ -166,11 +166,12 @@ std::vector<int> points_of_others(const DatasetPlan& plan) {
   return points;
 }
 
-/// Of a kind that is kept from learning; more where its touches differ more: of any of the scene, or of another scene.
+/// Of a kind that is kept from learning: how many errors of a kind lie inside a radius is known only as well as its
+/// places are many. Any touch of the scene, or of another scene, differs more than the others do.
 int kept_points(const DatasetPlan& plan, int kind) {
   constexpr int kPlanPoints = 10, kMorePoints = 4;  // one in as many; times as many
-  const int points = (counted_points(plan) + kPlanPoints - 1) / kPlanPoints;
-  return kind < kAnyTouch ? points : kMorePoints * points;
+  const auto one_in = [](int points) { return (points + kPlanPoints - 1) / kPlanPoints; };
+  return kind < kAnyTouch ? one_in(plan.points) : kMorePoints * one_in(counted_points(plan));
 }
 
 void add_kept_paths(const FingerSpec& spec, const DatasetPlan& plan, std::vector<LoadPath>& paths) {

@@ -53,11 +53,17 @@ std::vector<Number> row_major(const Eigen::MatrixXf& weights) {
 
 }  // namespace
 
+LayerData float_layer(const Network::Layer& layer) {
+  return {static_cast<int>(layer.weights.cols()),
+          static_cast<int>(layer.weights.rows()),
+          row_major<float>(layer.weights),
+          {layer.bias.begin(), layer.bias.end()}};
+}
+
 void quantise(TouchNetwork& trained) {
   TouchModelData& model = trained.model;
   const Network::Layer &first = trained.network.layers().front(), &last = trained.network.layers().back();
-  model.first_weights = row_major<float>(first.weights);
-  model.first_bias.assign(first.bias.begin(), first.bias.end());
+  model.first = float_layer(first);
   Eigen::MatrixXf exact = (first.weights * trained.sample_inputs).colwise() + first.bias;
   activate(Activation::kAlgebraicSilu, exact);
   Eigen::MatrixXf seen = exact;  // what reaches the float layer and the rounded one
@@ -76,9 +82,7 @@ void quantise(TouchNetwork& trained) {
     activate(Activation::kAlgebraicSilu, exact);
     activate(Activation::kAlgebraicSilu, seen);
   }
-  model.last_weights = row_major<float>(last.weights);
-  const Eigen::VectorXf bias = last.bias + last.weights * (exact - seen).rowwise().mean();
-  model.last_bias.assign(bias.begin(), bias.end());
+  model.last = float_layer({last.weights, last.bias + last.weights * (exact - seen).rowwise().mean()});
 }
 
 }  // namespace finsight::host

@@ -145,7 +145,8 @@ void fit_radius_network(const std::vector<TouchTrial>& trials, double threshold_
   const std::vector<float> inputs = normalisation(published);
   const Samples samples = samples_of(published, inputs);
   Random random(1);
-  Network network({TouchModel::kRadiusFeatures, TouchModel::kRadiusHidden, 1}, Activation::kAlgebraicSilu, random);
+  Network network({TouchModel::kRadiusWidths.begin(), TouchModel::kRadiusWidths.end()}, Activation::kAlgebraicSilu,
+                  random);
   Adam adam(network);
   Progress progress("radius of every kind of touch", kFitSteps);
   for (int step = 0; step < kFitSteps; ++step) {
@@ -156,16 +157,9 @@ void fit_radius_network(const std::vector<TouchTrial>& trials, double threshold_
     for (Network::Layer& layer : network.layers()) layer.weights *= 1 - kFitDecay * rate;
     progress.advance();
   }
-  const float more = missing(samples, network.forward(samples.inputs).row(0).transpose().array());
+  network.layers().back().bias[0] += missing(samples, network.forward(samples.inputs).row(0).transpose().array());
   model.radius_inputs = inputs;
-  model.radius_hidden.clear();
-  const Network::Layer &hidden = network.layers()[0], &output = network.layers()[1];
-  for (Eigen::Index k = 0; k < hidden.weights.rows(); ++k) {
-    for (Eigen::Index i = 0; i < hidden.weights.cols(); ++i) model.radius_hidden.push_back(hidden.weights(k, i));
-    model.radius_hidden.push_back(hidden.bias[k]);
-  }
-  model.radius_output.assign(output.weights.data(), output.weights.data() + output.weights.size());
-  model.radius_output.push_back(output.bias[0] + more);
+  for (std::size_t l = 0; l < model.radius.size(); ++l) model.radius[l] = float_layer(network.layers()[l]);
 }
 
 }  // namespace finsight::host

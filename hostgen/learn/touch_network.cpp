@@ -137,11 +137,10 @@ TouchModel TouchModelData::view() const {
                    .output_scale = output_scale,
                    .radius_curve = radius_curve,
                    .radius_inputs = radius_inputs,
-                   .radius_hidden = radius_hidden,
-                   .radius_output = radius_output,
+                   .radius = {radius[0].view(), radius[1].view(), radius[2].view()},
                    .seen_factor = seen_factor,
-                   .first = {widths[0], widths[1], first_weights, first_bias},
-                   .last = {widths[widths.size() - 2], widths.back(), last_weights, last_bias},
+                   .first = first.view(),
+                   .last = last.view(),
                    .middle = {},
                    .face_axes = face_axes,
                    .threshold_mm = threshold_mm,
@@ -156,7 +155,8 @@ TouchModel TouchModelData::view() const {
                    .touch_tolerance_mm = touch_tolerance_mm,
                    .noise_per_mm = noise_per_mm};
   for (std::size_t l = 0; l < TouchModel::kRounded; ++l) {
-    model.middle[l] = {widths[l + 1], widths[l + 2], weights[l], weight_scale[l], bias[l]};
+    const int inputs = l == 0 ? first.outputs : static_cast<int>(bias[l - 1].size());
+    model.middle[l] = {inputs, static_cast<int>(bias[l].size()), weights[l], weight_scale[l], bias[l]};
   }
   return model;
 }
@@ -218,7 +218,6 @@ TouchNetwork train_touch_network(const std::vector<TouchSample>& touches, const 
                        fit_normalisation(measurements),
                        {}};
   TouchModelData& model = trained.model;
-  model.widths = kWidths;
   model.per_g = plan.per_g;
   model.per_g_change = plan.per_g_change;
   const TouchModel view = model.view();

@@ -46,6 +46,9 @@ void touch_loss_gradient(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& 
 /// where no means are learnt, such as for a plate that came loose, may be anything. Arrays as for the loss.
 void check_converged(const Eigen::MatrixXf& outputs, const Eigen::MatrixXf& targets);
 
+/// A layer as packs hold it.
+LayerData float_layer(const Network::Layer& layer);
+
 /// Rounds the weights of all layers but the first and the last to int8, with one scale per output channel (largest
 /// weight = 127), into `trained.model`, changing the outputs for `trained.sample_inputs` as little as possible.
 void quantise(TouchNetwork& trained);

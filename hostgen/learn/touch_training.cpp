@@ -18,6 +18,7 @@ namespace {
 constexpr std::size_t kMeasuredPerTouch = 25;  // of the touches that are drawn between the states, about
 constexpr std::int32_t kFold = 5;              // one point in this many is held out
 constexpr int kNoisyRepeats = 20, kTurnedRepeats = 5;
+constexpr int kKeptRepeats = 6;  // of what is kept from learning, which has many places
 
 struct StateSplit {
   std::vector<FemState> train, test;              ///< of the scene
@@ -82,9 +83,10 @@ struct Run {
     return run_trials(*trained, split.test, {}, prior, {.noise = 0});
   }
   std::vector<TouchTrial> noisy_trials(const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed,
-                                       const std::array<bool, kPlates>& seen = {true, true, true}) {
+                                       const std::array<bool, kPlates>& seen = {true, true, true},
+                                       int repeats = kNoisyRepeats) {
     return run_trials(*trained, split.test, spec.noise, prior,
-                      {.noise = 1, .seen = seen, .repeats = kNoisyRepeats, .seed = seed});
+                      {.noise = 1, .seen = seen, .repeats = repeats, .seed = seed});
   }
   std::vector<TouchTrial> turned_trials(const FingerSpec& spec, const PlatePrior& prior, std::uint64_t seed) {
     return run_trials(*trained, split.test, spec.noise, prior,
@@ -240,7 +242,7 @@ TouchTraining train_touch(const FingerSpec& spec, const FemDataset& dataset, con
   apply(calibration, final_run.trained->model);
   final_run.trained->model.explained_above_unknown_g =
       explained_limit(calibrated.turned_trials(spec, prior, seed), spec.threshold_mm);
-  std::vector<TouchTrial> kept = final_run.noisy_trials(spec, prior, seed);
+  std::vector<TouchTrial> kept = final_run.noisy_trials(spec, prior, seed, {true, true, true}, kKeptRepeats);
   std::ranges::copy(final_run.turned_trials(spec, prior, seed), std::back_inserter(kept));
   fit_radius_network(kept, spec.threshold_mm, final_run.trained->model);
   const std::vector<TouchTrial> noisy = cross_calibrated(raw, spec.threshold_mm);

@@ -22,21 +22,28 @@ struct PlatePriorData {
 /// std::runtime_error if no state is valid.
 PlatePriorData fit_plate_prior(const FemDataset& dataset, const std::array<PoseNoise, kPlates>& noise);
 
+/// Owns what a DenseFloat views; zeros to begin with.
+struct LayerData {
+  int inputs = 0, outputs = 0;
+  std::vector<float> weights = std::vector<float>(static_cast<std::size_t>(inputs * outputs), 0.0F);
+  std::vector<float> bias = std::vector<float>(static_cast<std::size_t>(outputs), 0.0F);
+  DenseFloat view() const { return {inputs, outputs, weights, bias}; }
+};
+
 /// Owns what a TouchModel views.
 struct TouchModelData {
   std::vector<float> scale, input_mean, input_scale, output_mean, output_scale;
   std::vector<float> radius_curve = {0, 0, 1};  ///< uncalibrated
   /// Answers 1.
   std::vector<float> radius_inputs = std::vector<float>(2 * TouchModel::kRadiusFeatures, 0.0F);
-  std::vector<float> radius_hidden =
-      std::vector<float>(TouchModel::kRadiusHidden * (TouchModel::kRadiusFeatures + 1), 0.0F);
-  std::vector<float> radius_output = std::vector<float>(TouchModel::kRadiusHidden + 1, 0.0F);
+  std::array<LayerData, 3> radius = {LayerData{TouchModel::kRadiusFeatures, TouchModel::kRadiusHidden},
+                                     LayerData{TouchModel::kRadiusHidden, TouchModel::kRadiusHidden},
+                                     LayerData{TouchModel::kRadiusHidden, 1}};
   std::vector<float> seen_factor = std::vector<float>(TouchModel::kSeenPatterns, 1.0F);
   std::vector<float> face_axes = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   std::vector<float> per_g = std::vector<float>(3 * kPoseDims, 0.0F);
   std::vector<float> per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.0F);
-  std::array<int, TouchModel::kRounded + 3> widths{};  ///< inputs, hidden layers, outputs
-  std::vector<float> first_weights, first_bias, last_weights, last_bias;
+  LayerData first, last;
   std::array<std::vector<std::int8_t>, TouchModel::kRounded> weights;  ///< of the layers between, rounded
   std::array<std::vector<float>, TouchModel::kRounded> weight_scale, bias;
   float threshold_mm = 0, range_mm = 0;

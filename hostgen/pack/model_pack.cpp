@@ -57,10 +57,8 @@ void add_touch(TensorFile& tensors, const TouchModel& touch) {
   tensors.add(tensor::kTouchOutputScale, {TouchModel::kOutputs}, touch.output_scale);
   tensors.add(tensor::kTouchRadiusCurve, {static_cast<std::int64_t>(touch.radius_curve.size() / 3), 3},
               touch.radius_curve);
-  constexpr std::int64_t kFeatures = TouchModel::kRadiusFeatures, kHidden = TouchModel::kRadiusHidden;
-  tensors.add(tensor::kTouchRadiusInputs, {kFeatures, 2}, touch.radius_inputs);
-  tensors.add(tensor::kTouchRadiusHidden, {kHidden, kFeatures + 1}, touch.radius_hidden);
-  tensors.add(tensor::kTouchRadiusOutput, {kHidden + 1}, touch.radius_output);
+  tensors.add(tensor::kTouchRadiusInputs, {TouchModel::kRadiusFeatures, 2}, touch.radius_inputs);
+  for (std::size_t i = 0; i < touch.radius.size(); ++i) add_layer(tensors, tensor::kTouchRadius[i], touch.radius[i]);
   tensors.add(tensor::kTouchSeenFactor, {TouchModel::kSeenPatterns}, touch.seen_factor);
   tensors.add(tensor::kTouchFaceAxes, {3, 3}, touch.face_axes);
   tensors.add(tensor::kTouchPerG, {kPoseDims, 3}, touch.per_g);

@@ -83,8 +83,12 @@ TEST_CASE("model: gives back every part of the pack") {
   CHECK(same(model.touch.output_scale, tiny.output_scale));
   CHECK(same(model.touch.radius_curve, tiny.radius_curve));
   CHECK(same(model.touch.radius_inputs, tiny.radius_inputs));
-  CHECK(same(model.touch.radius_hidden, tiny.radius_hidden));
-  CHECK(same(model.touch.radius_output, tiny.radius_output));
+  for (std::size_t i = 0; i < TinyModel::kRadiusLayers; ++i) {
+    CHECK(model.touch.radius[i].inputs == TouchModel::kRadiusWidths[i]);
+    CHECK(model.touch.radius[i].outputs == TouchModel::kRadiusWidths[i + 1]);
+    CHECK(same(model.touch.radius[i].weights, tiny.radius_weights[i]));
+    CHECK(same(model.touch.radius[i].bias, tiny.radius_bias[i]));
+  }
   CHECK(same(model.touch.seen_factor, tiny.seen_factor));
   CHECK(model.touch.first.inputs * model.touch.first.outputs == static_cast<int>(tiny.first_weights.size()));
   CHECK(same(model.touch.first.weights, tiny.first_weights));
@@ -213,7 +217,7 @@ TEST_CASE("model: refuses metadata that is missing or wrong, by key") {
   };
   const Hostile all[] = {
       {meta::kFormat, std::nullopt, "is not a Finsight model pack"},
-      {meta::kFormat, "1", "format version: found 1, expected 8"},
+      {meta::kFormat, "1", "format version: found 1, expected 9"},
       {meta::kFinger, std::nullopt, "metadata 'finger': found nothing"},
       {meta::kScene, std::nullopt, "metadata 'scene': found nothing"},
       {meta::kFinger, "", "metadata 'finger': found \"0 bytes\", expected 1 to 64 printable"},

@@ -29,12 +29,12 @@ struct TinyModel {
   std::vector<float> touch_scale, input_mean, input_scale, output_mean, output_scale,
       radius_curve = {2, 0.1f, 0.9f, 8, -0.1f, 1},
       radius_inputs = std::vector<float>(2 * TouchModel::kRadiusFeatures, 0.1F),
-      radius_hidden = std::vector<float>(TouchModel::kRadiusHidden * (TouchModel::kRadiusFeatures + 1), 0.02F),
-      radius_output = std::vector<float>(TouchModel::kRadiusHidden + 1, 0.03F),
       seen_factor = {1.3f, 1.4f, 1.1f, 1.2f, 1.1f, 1.2f, 1}, face_axes = {0, 1, 0, -0.28f, 0, 0.96f, 0.96f, 0, 0.28f},
       per_g = std::vector<float>(3 * kPoseDims, 0.01F),
       per_g_change = std::vector<float>(3 * kPoseDims * kBentFeatures, 0.001F);
   std::vector<float> first_weights, first_bias, last_weights, last_bias;
+  static constexpr std::size_t kRadiusLayers = TouchModel::kRadiusWidths.size() - 1;
+  std::array<std::vector<float>, kRadiusLayers> radius_weights, radius_bias;
   std::array<std::vector<std::int8_t>, TouchModel::kRounded> weights;
   std::array<std::vector<float>, TouchModel::kRounded> weight_scale, bias;
   std::vector<float> prior_mean, prior_covariance, prior_noise;
@@ -80,8 +80,10 @@ struct TinyModel {
     all.touch.output_scale = output_scale;
     all.touch.radius_curve = radius_curve;
     all.touch.radius_inputs = radius_inputs;
-    all.touch.radius_hidden = radius_hidden;
-    all.touch.radius_output = radius_output;
+    for (std::size_t i = 0; i < kRadiusLayers; ++i) {
+      all.touch.radius[i] = {TouchModel::kRadiusWidths[i], TouchModel::kRadiusWidths[i + 1], radius_weights[i],
+                             radius_bias[i]};
+    }
     all.touch.seen_factor = seen_factor;
     all.touch.face_axes = face_axes;
     all.touch.per_g = per_g;
@@ -217,6 +219,12 @@ struct TinyModel {
     }
     last_weights = numbers(random, kHidden * TouchModel::kOutputs, 1.0f);
     last_bias = numbers(random, TouchModel::kOutputs, 0.1f);
+    for (std::size_t i = 0; i < kRadiusLayers; ++i) {
+      const auto inputs = static_cast<std::size_t>(TouchModel::kRadiusWidths[i]);
+      const auto outputs = static_cast<std::size_t>(TouchModel::kRadiusWidths[i + 1]);
+      radius_weights[i].assign(inputs * outputs, 0.02F);
+      radius_bias[i].assign(outputs, -0.1F);
+    }
   }
 
   /// Plates that move together towards the back, with a little motion of their own.

@@ -11,7 +11,15 @@ using namespace finsight::host;
 
 namespace {
 
-constexpr std::size_t kFeatures = TouchModel::kRadiusFeatures, kHidden = TouchModel::kRadiusHidden;
+/// y = weights x + bias in doubles.
+std::vector<double> layer_of(const LayerData& layer, const std::vector<double>& x) {
+  std::vector<double> y;
+  for (std::size_t o = 0; o < layer.bias.size(); ++o) {
+    y.push_back(double(layer.bias[o]));
+    for (std::size_t i = 0; i < x.size(); ++i) y[o] += double(layer.weights[o * x.size() + i]) * x[i];
+  }
+  return y;
+}
 
 Touch some_touch() {
   Touch touch;
@@ -29,8 +37,10 @@ TouchModelData some_model() {
     for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = step * static_cast<float>(i % 11) - 4 * step;
   };
   fill(model.radius_inputs, 0.1F);
-  fill(model.radius_hidden, 0.2F);
-  fill(model.radius_output, 0.02F);
+  for (LayerData& layer : model.radius) {
+    fill(layer.weights, 0.05F);
+    fill(layer.bias, 0.03F);
+  }
   return model;
 }
 
@@ -66,15 +76,16 @@ TEST_CASE("radius network: answers as written out by hand, and 1 as long as it w
   const RadiusFeatures features = radius_features(some_touch(), 1.5F, 2, 0.1F);
   CHECK(radius_factor(TouchModelData{}.view(), features) == 1);
   const TouchModelData model = some_model();
-  double log_factor = double(model.radius_output[kHidden]);
-  for (std::size_t k = 0; k < kHidden; ++k) {
-    double sum = double(model.radius_hidden[(kFeatures + 1) * k + kFeatures]);
-    for (std::size_t i = 0; i < kFeatures; ++i) {
-      const double input = double(model.radius_inputs[2 * i + 1]) * double(features[i] - model.radius_inputs[2 * i]);
-      sum += double(model.radius_hidden[(kFeatures + 1) * k + i]) * std::min(3.0, std::max(-3.0, input));
-    }
-    log_factor += double(model.radius_output[k]) * sum / 2 * (1 + sum / std::sqrt(1 + sum * sum));
+  std::vector<double> values;
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const double input = double(model.radius_inputs[2 * i + 1]) * double(features[i] - model.radius_inputs[2 * i]);
+    values.push_back(std::min(3.0, std::max(-3.0, input)));
   }
+  for (std::size_t l = 0; l < 2; ++l) {
+    values = layer_of(model.radius[l], values);
+    for (double& sum : values) sum *= 0.5 * (1 + sum / std::sqrt(1 + sum * sum));
+  }
+  const double log_factor = layer_of(model.radius[2], values)[0];
   REQUIRE(std::abs(log_factor) < 1);
   CHECK(std::abs(log_factor) > 0.01);
   CHECK(radius_factor(model.view(), features) == doctest::Approx(std::exp(log_factor)));
@@ -86,8 +97,8 @@ TEST_CASE("radius network: far from all that it was fitted to it answers as at t
   far[0] = 1e4F;
   farther[0] = 1e6F;
   CHECK(radius_factor(model.view(), far) == radius_factor(model.view(), farther));
-  model.radius_output[kHidden] = 1000;
+  model.radius[2].bias[0] = 1000;
   CHECK(radius_factor(model.view(), far) < 10);
-  model.radius_output[kHidden] = -1000;
+  model.radius[2].bias[0] = -1000;
   CHECK(radius_factor(model.view(), far) > 0.1F);
 }

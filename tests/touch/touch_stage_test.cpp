@@ -245,12 +245,13 @@ TEST_CASE("touch stage: the radius network widens the radius, of a fitted finger
   TouchModelData model = trained().model;
   model.explained_above = -1000;
   const Touch plain = TouchStage(model.view()).locate(poses_of(kPushed));
-  // Of the log-odds alone: half of them is the logarithm of the factor, since a large sum passes unchanged.
+  // Of the log-odds alone: half of them is the logarithm of the factor, since large sums pass unchanged.
   constexpr std::size_t kOdds = 3;
   model.output_mean.back() += 2 - plain.explained;
   model.radius_inputs[2 * kOdds + 1] = 1;
-  model.radius_hidden[kOdds] = 1000;
-  model.radius_output[0] = 0.0005F;
+  model.radius[0].weights[kOdds] = 1000;
+  model.radius[1].weights[0] = 1;
+  model.radius[2].weights[0] = 0.0005F;
   TouchStage stage(model.view());
   const Touch wider = stage.locate(poses_of(kPushed));
   CHECK(wider.point_mm == plain.point_mm);
