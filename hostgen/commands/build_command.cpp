@@ -278,8 +278,9 @@ void add_build_command(CLI::App& app) {
   command
       ->add_option(
           "--profile", options->profile,
-          "quick: a few minutes; full: over an hour and a half on two cores, the paper's 570 points with 21 forces each, "
-          "or 2,100 with 11 where every force has contacts of its own (scenes with more than frictionless points)")
+          "quick: a few minutes; full: over an hour and a half on two cores, the paper's 570 points with 21 forces "
+          "each, or 2,100 with 11 where every force has contacts of its own (scenes with more than frictionless "
+          "points)")
       ->check(CLI::IsMember({"quick", "full"}))
       ->capture_default_str();
   command->add_option("--scene", options->scene,
