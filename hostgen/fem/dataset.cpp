@@ -146,7 +146,7 @@ std::vector<Scene> common_others(const DatasetPlan& plan) {
 }
 
 /// The points of a plan that those of its other scenes are counted by: beyond kMost, more points of its own scene tell a
-/// network more, while more of what it only tells apart do not.
+/// network more, while more of what it only tells apart does not.
 int counted_points(const DatasetPlan& plan) {
   constexpr int kMost = 700;
   return std::min(plan.points, kMost);

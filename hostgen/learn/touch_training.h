@@ -28,6 +28,7 @@ struct LayerData {
   std::vector<float> weights = std::vector<float>(static_cast<std::size_t>(inputs * outputs), 0.0F);
   std::vector<float> bias = std::vector<float>(static_cast<std::size_t>(outputs), 0.0F);
   DenseFloat view() const { return {inputs, outputs, weights, bias}; }
+  bool operator==(const LayerData&) const = default;
 };
 
 /// Owns what a TouchModel views.
