@@ -1,4 +1,4 @@
-// The layers of the touch network: most of int8 weights, all of float activations.
+// The layers of the touch network, most of int8 weights, and of the radius network; activations are floats.
 #pragma once
 
 #include <cmath>
